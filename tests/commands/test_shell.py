@@ -299,37 +299,32 @@ def start_batch(start, folder: Path) -> subprocess.Popen:
     return child
 
 
-@pytest.mark.parametrize("whole_group", mostly_long([True, False], 0))
-def test_ctrl_c_ends_all_processes(whole_group, start, tmp_path):
-    (tmp_path / "out").mkdir()
-    child = start_batch(start, tmp_path / "out")
-    os.killpg(child.pid, signal.SIGINT) if whole_group else child.send_signal(signal.SIGINT)
-    _, error = child.communicate(timeout=SOON)
-    assert child.returncode == 130
-    assert error == b""
-    until(lambda: group_is_gone(child.pid))
-    assert names(tmp_path / "out") == []
+def end_a_worker(child: subprocess.Popen) -> None:
+    os.kill(int(Path(f"/proc/{child.pid}/task/{child.pid}/children").read_text().split()[0]), signal.SIGKILL)
+
+
+KILLED = b"gtb: error: a process was killed (is there too little memory? -j 1 needs less)\n"
 
 
 @long
-def test_workers_do_not_outlive_their_parent(start, tmp_path):
+@pytest.mark.parametrize(
+    ("end", "status", "said"),
+    [
+        (lambda child: os.killpg(child.pid, signal.SIGINT), 130, b""),
+        (lambda child: child.send_signal(signal.SIGINT), 130, b""),
+        (end_a_worker, 2, KILLED),
+        (lambda child: child.kill(), -signal.SIGKILL, b""),
+    ],
+    ids=["Ctrl-C", "interrupt", "a worker is killed", "killed"],
+)
+def test_a_batch_that_is_ended_leaves_neither_processes_nor_files(end, status, said, start, tmp_path):
     (tmp_path / "out").mkdir()
     child = start_batch(start, tmp_path / "out")
-    child.kill()
-    child.communicate(timeout=SOON)
-    until(lambda: group_is_gone(child.pid))
-
-
-@long
-def test_a_killed_worker_is_an_error(start, tmp_path):
-    (tmp_path / "out").mkdir()
-    child = start_batch(start, tmp_path / "out")
-    workers = Path(f"/proc/{child.pid}/task/{child.pid}/children").read_text().split()
-    os.kill(int(workers[0]), signal.SIGKILL)
+    end(child)
     _, error = child.communicate(timeout=SOON)
-    assert child.returncode == 2
-    assert error == b"gtb: error: a process was killed (is there too little memory? -j 1 needs less)\n"
-    assert names(tmp_path / "out") == []
+    assert (child.returncode, error) == (status, said)
+    until(lambda: group_is_gone(child.pid))
+    assert status < 0 or names(tmp_path / "out") == []
 
 
 CUT_OFF = """

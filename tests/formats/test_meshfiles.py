@@ -268,12 +268,6 @@ def test_ply_text_with_a_fraction_for_each_face():
         assert message in refusal(ply(body.replace("0.5 3 0 1 2\n", rows), *XYZ, *faces))
 
 
-def test_ply_text_with_rows_of_like_length_and_unlike_lists():
-    faces = ["element face 2", FACE[1], "property list uchar int more"]
-    body = "0 0 0\n1 0 0\n0 1 0\n3 0 1 2 2 0 0\n4 0 2 1 0 1 0\n"
-    assert decoded(ply(body, *XYZ, *faces)).cells.tolist() == [[0, 1, 2], [0, 2, 1], [0, 1, 0]]
-
-
 def test_ply_of_32_bit_numbers_as_text_holds_no_more():
     body = "0 0 0\n1 0 0\n0 0.30000000000000004 0\n3 0 1 2\n"
     assert decode_mesh(ply(body, *XYZ, *FACE), "file").half_steps.max() == pytest.approx(SINGLE, rel=1e-6)

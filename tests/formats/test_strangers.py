@@ -84,8 +84,8 @@ def test_few_bytes_of_glb_cannot_stand_for_many():
     with pytest.raises(GtbError, match="1000000000 rows for 3 vertices"):
         edited(**many).values()
     tree = copy.deepcopy(TREE)
-    tree["meshes"][0]["primitives"][0]["attributes"] |= {f"_{k}": 2 for k in range(20_000)}
-    tree["nodes"] += [{"mesh": 0} for _ in range(200)]
+    tree["meshes"][0]["primitives"][0]["attributes"] |= {f"_{k}": 2 for k in range(2000)}
+    tree["nodes"] += [{"mesh": 0} for _ in range(2000)]
     with pytest.raises(GtbError, match="has more than 2"):
         decode_mesh(glb(tree, BINARY), "a")
     tree = copy.deepcopy(TREE)

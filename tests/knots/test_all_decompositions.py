@@ -114,74 +114,18 @@ def test_drops_at_all_facets_are_equal_if_the_cone_is_simplicial():
         assert max(drops) <= min(drops) * (1 + 1e-9)
 
 
-def area(a, b, c):
-    return (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0])
-
-
-def triangulations_by_brute_force(knots):
-    """Sets of triangles that meet in common faces and fill the hull, if a linear program finds a lifting."""
-    from scipy.optimize import linprog
-    from scipy.spatial import ConvexHull
-
-    n, exact = len(knots), [tuple(map(Fraction, knot)) for knot in knots.tolist()]
-    signs = {t: np.sign(float(area(*(exact[i] for i in t)))) for t in combinations(range(n), 3)}
-    circuits = []
-    for size in (3, 4):
-        for chosen in combinations(range(n), size):
-            if size == 3 and signs[chosen] == 0:
-                axis = max((0, 1), key=lambda axis: abs(float(exact[chosen[0]][axis] - exact[chosen[1]][axis])))
-                a, b, c = sorted(chosen, key=lambda i: exact[i][axis])
-                circuits.append(({a, c}, {b}))
-            elif size == 4 and all(signs[t] for t in combinations(chosen, 3)):
-                sign = {i: (-1) ** k * signs[tuple(j for j in chosen if j != i)] for k, i in enumerate(chosen)}
-                circuits.append(({i for i in chosen if sign[i] > 0}, {i for i in chosen if sign[i] < 0}))
-    circuits += [(negative, positive) for positive, negative in circuits]
-    triangles = [t for t in combinations(range(n), 3) if signs[t]]
-
-    def fit(s, t):
-        return not any(positive <= {*s} and negative <= {*t} for positive, negative in circuits)
-
-    sizes = {t: abs(area(*(knots[i] for i in t))) / 2 for t in triangles}
-    whole = ConvexHull(knots).volume
-    found = []
-
-    def extend(chosen, candidates, missing):
-        if missing < 1e-9 * whole:
-            found.append(tuple(chosen))
-        for k, t in enumerate(candidates):
-            extend([*chosen, t], [s for s in candidates[k + 1 :] if fit(s, t)], missing - sizes[t])
-
-    extend([], triangles, whole)
-    regular = set()
-    for cells in found:
-        rows = []
-        for t in cells:
-            inverse = np.linalg.inv(np.column_stack([np.ones(3), knots[list(t)]]))
-            for i in {*range(n)} - {*t}:
-                row = np.zeros(n + 1)
-                row[list(t)] = -np.array([1, *knots[i]]) @ inverse
-                row[[i, n]] = 1
-                rows.append(row)
-        bounds = [(-1, 1)] * n + [(None, 1)]
-        best = linprog(-np.eye(n + 1)[n], A_ub=rows, b_ub=np.zeros(len(rows)), bounds=bounds) if rows else None
-        if best is None or best.x[n] > 1e-8:
-            regular.add(cells)
-    return regular
-
-
 @pytest.mark.parametrize(("n", "seed"), mostly_long([(5, 0), (6, 1), (6, 4)]))
 @pytest.mark.parametrize("whole", [False, True])
 def test_brute_force(n, seed, whole):
+    """By brute force; liftings of few different heights leave knots level, and most of many heights make triangles."""
     rng = np.random.default_rng(seed)
     places = rng.permutation(16)[:n]
     knots = np.column_stack([places // 4, places % 4]).astype(float) if whole else rng.random((n, 2))
     numbers(knots)
-    finest = {cone.cells for cone in regular_decompositions(knots, triangulations=True)}
-    assert finest == triangulations_by_brute_force(knots)
     cells = {cone.cells for cone in regular_decompositions(knots)}
     exact = [tuple(map(Fraction, knot)) for knot in knots.tolist()]
-    for _ in range(60):
-        lifting = [Fraction(int(x)) for x in rng.integers(0, 4, n)]
+    for most in [4, 1000] * 40:
+        lifting = [Fraction(int(x)) for x in rng.integers(0, most, n)]
         assert brute_force(exact, lifting)[0] in cells
 
 

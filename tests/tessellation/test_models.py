@@ -262,44 +262,23 @@ def polygon(rng: np.random.Generator, sides: int) -> np.ndarray:
 def closed_pair(rng: np.random.Generator) -> Model:
     """Two patches over different polygons that have all edges in common, each said in its own way."""
     sides = int(rng.integers(3, 8))
-    places = [np.sort(rng.uniform(0.08, 0.92, rng.integers(0, 4))) for _ in range(sides)]
-    ring = polygon(rng, sides)
-    corners = np.column_stack([ring, 0.3 * rng.normal(size=sides)])
-    logs = rng.normal(size=sides)
-    along = [
-        corners[i] + t[:, None] * (corners[(i + 1) % sides] - corners[i]) + 0.1 * rng.normal(size=(len(t), 3))
-        for i, t in enumerate(places)
-    ]
-    along_logs = [rng.normal(size=len(t)) for t in places]
+    corner, following = np.eye(sides), np.roll(np.eye(sides), -1, axis=0)
+    places = [(i, t) for i in range(sides) for t in rng.uniform(0.08, 0.92, rng.integers(0, 4))]
+    between = np.array([(1 - t) * corner[i] + t * following[i] for i, t in places]).reshape(-1, sides)
+    rim = np.vstack([corner, between])  # how much of each corner there is in a knot
+    corners = np.column_stack([polygon(rng, sides), 0.3 * rng.normal(size=sides)])
+    points, logs = rim @ corners, rng.normal(size=len(rim))
+    points[sides:] += 0.1 * rng.normal(size=(len(between), 3))
     patches = []
     for height in (1.0, -1.0):
-        v = polygon(rng, sides)
-        if rng.random() < 0.5:
-            v = v[::-1]
-        v = np.roll(v, rng.integers(sides), axis=0)
+        vertices = np.roll(polygon(rng, sides)[:: rng.choice([1, -1])], rng.integers(sides), axis=0)
+        inner = rng.dirichlet(2 * np.ones(sides), rng.integers(1, 5))
+        lifted = inner @ corners + height * np.abs(rng.normal(size=(len(inner), 1))) * [0, 0, 1]
         # Any numbers at the corners, linear between them: scalings that leave all edges.
-        g = rng.normal(size=sides)
-        count = int(rng.integers(1, 5))
-        inner = rng.dirichlet(2 * np.ones(sides), count)
-        knots = [v, inner @ v]
-        points = [corners, inner @ corners + height * np.abs(rng.normal(size=(count, 1))) * [0, 0, 1]]
-        weights = [logs + g, rng.normal(size=count)]
-        for i, t in enumerate(places):
-            j = (i + 1) % sides
-            knots.append(v[i] + t[:, None] * (v[j] - v[i]))
-            points.append(along[i])
-            weights.append(along_logs[i] + (1 - t) * g[i] + t * g[j])
-        order = rng.permutation(sum(map(len, knots)))
-        c = rng.uniform(0.2, 5, len(order))
-        scale, shift = 10.0 ** rng.uniform(-3, 3), rng.normal(size=2)
-        patches.append(
-            Patch(
-                (np.concatenate(knots) * scale + shift)[order],
-                np.concatenate(points)[order],
-                np.exp(np.concatenate(weights))[order] / c,
-                c,
-            )
-        )
+        weights = np.exp(np.concatenate([logs + rim @ rng.normal(size=sides), rng.normal(size=len(inner))]))
+        knots = 10.0 ** rng.uniform(-3, 3) * np.vstack([rim, inner]) @ vertices + rng.normal(size=2)
+        order, c = rng.permutation(len(knots)), rng.uniform(0.2, 5, len(knots))
+        patches.append(Patch(knots[order], np.vstack([points, lifted])[order], (weights / c)[order], c[order]))
     return Model(tuple(patches))
 
 
