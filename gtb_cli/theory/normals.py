@@ -10,7 +10,7 @@ from collections.abc import Iterable, Sequence
 import numpy as np
 from numpy.typing import ArrayLike
 
-from gtb_cli.arrays import FloatArray, IntArray, cross, groups
+from gtb_cli.arrays import BoolArray, FloatArray, IntArray, cross, groups
 from gtb_cli.errors import DomainError
 from gtb_cli.knots.about_a_knot import PARALLEL_SINE, Differences, cleared, coordinate_rounding, offsets_from
 from gtb_cli.knots.domain import layers
@@ -27,15 +27,21 @@ from gtb_cli.vocabulary import Parametrization
 def normals_at(patch: Blend, locations: Iterable[Location], count: int) -> FloatArray:
     """Return unit normals of a surface along ∂P/∂u_0 × ∂P/∂u_1, (count, 3), at locations; NaN where it has none.
 
-    Inside, moments are taken about the knot with the largest T_i, along and across the direction to the second. For
-    limits on the boundary see `Patch.normals`. `DomainError` is raised for a curve.
+    Inside, moments are taken about the nearest corner, in heights over its two edges, which are exact zeros for the
+    knots that dominate near the boundary. If this still loses digits (a heavy knot inside, large exponents), they are
+    taken about the knot with the largest T_i, along and across the direction to the second. For limits on the boundary
+    see `Patch.normals`. `DomainError` is raised for a curve.
     """
     if patch.rational_basis.domain.dimension == 1:
         raise DomainError("normals: a curve has none")
-    result, log_weights = np.empty((count, 3)), patch.rational_basis.log_weights
+    result = np.empty((count, 3))
     for location in locations:
         if location.face.is_interior:
-            result[location.rows] = _inside(patch, exponents(location.knots, log_weights, location.s))
+            e = exponents(location.knots, patch.rational_basis.log_weights, location.s)
+            normals, doubtful = _about_corners(patch, shares(e))
+            if doubtful.any():
+                normals[doubtful] = _about_leaders(patch, e[:, doubtful])
+            result[location.rows] = normals
         elif location.face.is_corner:
             result[location.rows] = _at_corner(patch, location.face)
         else:
@@ -43,8 +49,33 @@ def normals_at(patch: Blend, locations: Iterable[Location], count: int) -> Float
     return result
 
 
-def _inside(patch: Blend, e: FloatArray) -> FloatArray:
-    """Return normals inside a surface, (m, 3), at the (n, m) exponents."""
+def _about_corners(patch: Blend, t: FloatArray) -> tuple[FloatArray, BoolArray]:
+    """Return normals at (n, m) values of the rational basis, (m, 3), and mark normals that may have lost digits."""
+    cancelled = 1e-3  # three digits are lost in a derivative so much smaller than its summands, or in such an angle
+    cut_off_sum = 1e-280  # smaller sums may consist only of exponentials cut off at `UNDERFLOW_EXPONENT`
+    shape = patch.rational_basis.domain
+    heights = shape.heights.T @ t
+    r, columns = len(shape.vertices), np.arange(heights.shape[1])
+    distance = heights / shape.normal_lengths[:, None]
+    edge = shape.nearest_edge(heights)
+    corner = np.where(distance[(edge + 1) % r, columns] < distance[edge - 1, columns], (edge + 1) % r, edge)
+    points = patch.control_points - (patch.control_points.min(axis=0) + patch.control_points.max(axis=0)) / 2
+    extent = np.abs(points).max()
+    result = np.empty((heights.shape[1], 3))
+    doubtful = np.empty(heights.shape[1], dtype=bool)
+    for k, here in groups(corner):
+        eta = shape.heights[:, [k - 1, k]] / shape.size
+        part = t[:, here]
+        mean, middle = points.T @ part, eta.T @ part
+        first, second = ((points * eta[:, [axis]]).T @ part - mean * middle[axis] for axis in (0, 1))
+        result[here], sine = _unit_cross(first, second)
+        doubtful[here] = ~((sine > cancelled) & (middle > cut_off_sum).all(axis=0))
+        for derivative, summed in zip((first, second), middle, strict=True):
+            doubtful[here] |= np.abs(derivative).max(axis=0) < cancelled * extent * summed
+    return result, doubtful
+
+
+def _about_leaders(patch: Blend, e: FloatArray) -> FloatArray:
     result = np.empty((e.shape[1], 3))
     for k, here in groups(e.argmax(axis=0)):
         about, part = Differences(patch.rational_basis.domain, k), e[:, here]
@@ -52,7 +83,7 @@ def _inside(patch: Blend, e: FloatArray) -> FloatArray:
         mean = deltas.T @ shares(part)
         second = np.where(about.lengths[:, None] > 0, part, -np.inf).argmax(axis=0)
         axes = about.along(second), about.across(second)
-        result[here] = _unit_cross(*(covariance(part, axis, deltas, mean) for axis in axes))
+        result[here], _ = _unit_cross(*(covariance(part, axis, deltas, mean) for axis in axes))
     return result
 
 
@@ -116,7 +147,7 @@ def _at_corner(patch: Blend, face: Face) -> FloatArray:
         ends = [next(layers(rise)) for rise in rises]
         middle, *ways = (_mean(deltas, log_weights, knots) for knots in (at_corner, *ends))
         rounding = coordinate_rounding(patch.control_points)
-        normal = _unit_cross(*(cleared(way - middle, rounding) for way in ways))[0]
+        normal = _unit_cross(*(cleared(way - middle, rounding) for way in ways))[0][0]
         if np.isfinite(normal[0]):
             return np.asarray(normal)
     return limits_of_normals(patch, face.index).normal
@@ -149,7 +180,7 @@ def on_edge(patches: Sequence[Blend], edge: int, s: FloatArray) -> FloatArray:
                 break
             towards = cleared(deltas[:, layer].swapaxes(1, 2) @ shares(logarithms(layer, rows)) - position, rounding)
             found = result[:, rows]
-            result[:, rows] = np.where(led[:, rows, None] & np.isnan(found), _unit_cross(tangent, towards), found)
+            result[:, rows] = np.where(led[:, rows, None] & np.isnan(found), _unit_cross(tangent, towards)[0], found)
             todo = (np.isnan(result[:, rows, 0]) & led[:, rows]).any(axis=0)
             rows, tangent, position = rows[todo], tangent[:, :, todo], position[:, :, todo]
     for patch, normals, coordinates in zip(patches, result, s, strict=True):
@@ -159,13 +190,14 @@ def on_edge(patches: Sequence[Blend], edge: int, s: FloatArray) -> FloatArray:
     return result
 
 
-def _unit_cross(first: FloatArray, second: FloatArray) -> FloatArray:
-    """Return unit cross products of (…, 3, m) vectors, (…, m, 3), NaN if parallel or zero."""
+def _unit_cross(first: FloatArray, second: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return unit cross products of (…, 3, m) vectors, (…, m, 3), NaN if parallel or zero; and sines of angles."""
     with np.errstate(divide="ignore", invalid="ignore"):
         first, second = (_unit_columns(v) for v in (first, second))
         normal = cross(first, second, -2)
-        sine = np.sqrt((normal**2).sum(axis=-2, keepdims=True))
-        return np.where(sine > PARALLEL_SINE, normal / sine, np.nan).swapaxes(-1, -2)
+        sine = np.sqrt((normal**2).sum(axis=-2))
+        across = sine[..., None, :]
+        return np.where(across > PARALLEL_SINE, normal / across, np.nan).swapaxes(-1, -2), sine
 
 
 def _unit_columns(vectors: FloatArray) -> FloatArray:
