@@ -1,7 +1,7 @@
-"""GLB (binary glTF 2.0), both ways: surfaces by trimesh's exporter, curves as indexed lines; any scene is read."""
+"""GLB (binary glTF 2.0), both ways: surfaces as trimesh writes them, curves as indexed lines; any scene is read."""
 
 import json
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from typing import Any, TypeAlias
 from urllib.parse import unquote
@@ -30,6 +30,7 @@ def glb_blocks(
     """Return a GLB file of at most 4 GB with a node for each group. `up` is the vertical axis.
 
     Several groups have a colour each, below one node of this name. A unit scales the node to metres: numbers stay.
+    The buffer and its description are as by trimesh's exporter: what parts have in common is there once.
     """
     parts = []
     for label, start, stop in groups:
@@ -37,101 +38,62 @@ def glb_blocks(
         used, cells = (slice(None), mesh.cells) if whole else compacted(mesh.cells[start:stop])
         normals, own_uv = (v if v is None else v[used] for v in (mesh.normals, uv))
         parts.append(Mesh(mesh.vertices[used], cells, own_uv, normals, name=label))
-    held = [each for part in parts for each in (part.vertices, part.cells, part.parameters, part.normals)]
-    _check_size(sum(4 * each.size for each in held if each is not None))
     said = ({} if up == FORMATS["glb"].up else {"up": up}) | ({} if unit is None else {"unit": unit})  # for `read_glb`
-    return _lines(parts, said, name) if mesh.is_curve else [_triangles(parts, said, name)]
-
-
-def _triangles(parts: Sequence[Mesh], said: dict[str, str], root: str) -> bytes:
-    from trimesh import Scene
-    from trimesh.exchange.gltf import export_glb
-    from trimesh.visual import TextureVisuals
-    from trimesh.visual.material import PBRMaterial
-
-    scene = Scene(base_frame="the world")  # a plain name, as that of a part, has no blank
-    # A patch is open, and viewers leave out its back with the default material.
-    material = PBRMaterial(metallicFactor=0.0, roughnessFactor=1.0, doubleSided=True)
-    for part in parts:
-        surface = part.to_trimesh()
-        surface.visual = TextureVisuals(uv=part.parameters, material=material)
-        scene.add_geometry(surface, node_name=part.name, geom_name=part.name)
-
-    def finish(tree: dict[str, Any]) -> None:
-        """Say which views hold vertices or indices, as graphics cards want to know, and colour the parts."""
-        _gather(tree, root, said)
-        if len(parts) > 1:
-            (plain,) = tree["materials"]
-            tree["materials"] = []
-            for number, part in enumerate(parts):  # with the colours of patches, which glTF takes as linear light
-                # All are above sRGB's linear beginning
-                shares = bytes.fromhex(PATCH_COLOURS[number % len(PATCH_COLOURS)][1:])
-                linear = [round(((share / 255 + 0.055) / 1.055) ** 2.4, 6) for share in shares]
-                shading = plain["pbrMetallicRoughness"] | {"baseColorFactor": [*linear, 1.0]}
-                tree["materials"].append(plain | {"name": part.name, "pbrMetallicRoughness": shading})
-        numbers = {part.name: number for number, part in enumerate(parts)}
-        for mesh in tree["meshes"]:
-            for primitive in mesh["primitives"]:
-                primitive["material"] = numbers[mesh["name"]]
-                for number in primitive["attributes"].values():
-                    tree["bufferViews"][tree["accessors"][number]["bufferView"]]["target"] = VERTICES
-                tree["bufferViews"][tree["accessors"][primitive["indices"]]["bufferView"]]["target"] = INDICES
-
-    plain = {"unitize_normals": True, "extension_webp": False, "extension_draco": False}
-    return bytes(export_glb(scene, include_normals=parts[0].normals is not None, tree_postprocessor=finish, **plain))
-
-
-def _gather(tree: dict[str, Any], name: str, said: dict[str, str]) -> None:
-    """Put several nodes below one of this name, and scale the topmost node to metres if a unit of length is said."""
-    tree["asset"] |= {"extras": said} if said else {}
-    nodes = tree["nodes"]
-    if len(nodes) > 1:
-        nodes.append({"name": name, "children": [*range(len(nodes))]})
-        tree["scenes"][tree["scene"]]["nodes"] = [len(nodes) - 1]
-    if "unit" in said:
-        nodes[-1]["scale"] = [UNITS[said["unit"]]] * 3
-
-
-def _lines(parts: Sequence[Mesh], said: dict[str, str], root: str) -> list[bytes]:
-    """Return indexed lines, which trimesh reads as they are; its exporter writes inner vertices of polylines twice."""
-    chunks: list[bytes] = []
-    meshes, accessors, views = list[dict[str, Any]](), list[dict[str, Any]](), list[dict[str, int]]()
+    chunks: dict[tuple[int, int, bytes], int] = {}  # targets, widths and contents of accessors, with their numbers
+    accessors, views = list[dict[str, Any]](), list[dict[str, int]]()
 
     def add(values: NDArray[Any], target: int) -> int:
-        """Append (m, w) numbers of 32 bits, and return their accessor."""
-        start = sum(map(len, chunks))
-        chunks.append(values.tobytes())
-        views.append({"buffer": 0, "byteOffset": start, "byteLength": len(chunks[-1]), "target": target})
-        kind, width = 5126 if values.dtype.kind == "f" else 5125, ("SCALAR", "VEC2", "VEC3")[values.shape[1] - 1]
-        said = {"bufferView": len(views) - 1, "componentType": kind, "count": len(values), "type": width}
-        accessors.append(said | {"min": values.min(axis=0).tolist(), "max": values.max(axis=0).tolist()})
-        return len(accessors) - 1
+        """Append (m, w) numbers of 32 bits that are not there yet, and return their accessor."""
+        key = target, values.shape[1], values.tobytes()
+        if key not in chunks:
+            start = views[-1]["byteOffset"] + views[-1]["byteLength"] if views else 0
+            chunks[key] = len(views)
+            kind, width = 5126 if values.dtype.kind == "f" else 5125, ("SCALAR", "VEC2", "VEC3")[values.shape[1] - 1]
+            accessors.append({"bufferView": len(views), "componentType": kind, "count": len(values), "type": width})
+            accessors[-1] |= {"min": values.min(axis=0).tolist(), "max": values.max(axis=0).tolist()}
+            # Graphics cards want to know which views hold vertices or indices.
+            views.append({"buffer": 0, "byteOffset": start, "byteLength": len(key[2]), "target": target})
+        return chunks[key]
 
-    for part in parts:
-        attributes = {"POSITION": add(part.vertices.astype(SINGLE_FLOAT), VERTICES)}
-        if part.parameters is not None:
-            u, v = part.parameters.T
-            # glTF counts from the top.
-            attributes["TEXCOORD_0"] = add(np.column_stack([u, 1.0 - v]).astype(SINGLE_FLOAT), VERTICES)
-        indices = add(part.cells.astype("<u4").reshape(-1, 1), INDICES)
-        meshes.append({"name": part.name, "primitives": [{"attributes": attributes, "indices": indices, "mode": 1}]})
-    nodes = [{"name": part.name, "mesh": number} for number, part in enumerate(parts)]
-    tree = {"asset": {"version": "2.0"}, "scene": 0, "scenes": [{"nodes": [*range(len(parts))]}]}
-    tree |= {"nodes": nodes, "meshes": meshes, "accessors": accessors, "bufferViews": views}
-    length = sum(map(len, chunks))
-    tree["buffers"] = [{"byteLength": length}]
-    _gather(tree, root, said)
+    meshes, materials = list[dict[str, Any]](), list[dict[str, Any]]()
+    for number, part in enumerate(parts):
+        primitive = {"indices": add(part.cells.astype("<u4").reshape(-1, 1), INDICES)}
+        own_uv = part.parameters
+        if own_uv is not None:  # glTF counts from the top
+            own_uv = np.column_stack([own_uv[:, 0], 1.0 - own_uv[:, 1]])
+        attributes = {"POSITION": part.vertices, "TEXCOORD_0": own_uv, "NORMAL": part.normals}
+        held = {key: add(v.astype(SINGLE_FLOAT), VERTICES) for key, v in attributes.items() if v is not None}
+        # A patch is open, and viewers leave out its back with the default material.
+        shading: dict[str, Any] = {"metallicFactor": 0.0, "roughnessFactor": 1.0}
+        material: dict[str, Any] = {"pbrMetallicRoughness": shading, "doubleSided": True}
+        if len(parts) > 1:  # with the colours of patches, which glTF takes as linear light
+            # All are above sRGB's linear beginning
+            shares = bytes.fromhex(PATCH_COLOURS[number % len(PATCH_COLOURS)][1:])
+            linear = [round(((share / 255 + 0.055) / 1.055) ** 2.4, 6) for share in shares]
+            material["name"], shading["baseColorFactor"] = part.name, [*linear, 1.0]
+        materials += [material] * (not part.is_curve)
+        kind = {"mode": 1} if part.is_curve else {"mode": 4, "material": number}
+        meshes.append({"name": part.name, "primitives": [primitive | {"attributes": held} | kind]})
+    nodes: list[dict[str, Any]] = [{"name": part.name, "mesh": number} for number, part in enumerate(parts)]
+    if len(nodes) > 1:
+        nodes.append({"name": name, "children": [*range(len(nodes))]})
+    if "unit" in said:  # in metres
+        nodes[-1]["scale"] = [UNITS[said["unit"]]] * 3
+    asset: dict[str, Any] = {"version": "2.0"} | ({"extras": said} if said else {})
+    length = sum(view["byteLength"] for view in views)
+    tree = {"asset": asset, "scene": 0, "scenes": [{"nodes": [len(nodes) - 1]}], "nodes": nodes, "meshes": meshes}
+    tree |= {"materials": materials} if materials else {}
+    tree |= {"accessors": accessors, "bufferViews": views, "buffers": [{"byteLength": length}]}
     text = json.dumps(tree, separators=(",", ":")).encode("ascii")
     text += b" " * (-len(text) % 4)
     total = HEADER_BYTES + 8 + len(text) + 8 + length
-    _check_size(total)
-    whole, text_size, body_size = (size.to_bytes(4, "little") for size in (total, len(text), length))
-    return [b"glTF\2\0\0\0" + whole + text_size + b"JSON" + text + body_size + b"BIN\0", *chunks]
-
-
-def _check_size(length: int) -> None:
-    if length > 2**32 - 1:  # the header has 32 bits for it
-        raise ExportError(f"GLB: holds no more than 4 GB, and this has {length / 1e9:.1f}")
+    if total > 2**32 - 1:  # the header has 32 bits for it
+        raise ExportError(f"GLB: holds no more than 4 GB, and this has {total / 1e9:.1f}")
+    whole_size, text_size, body_size = (size.to_bytes(4, "little") for size in (total, len(text), length))
+    return [
+        b"glTF\2\0\0\0" + whole_size + text_size + b"JSON" + text + body_size + b"BIN\0",
+        *(content for *_, content in chunks),
+    ]
 
 
 @contextmanager
