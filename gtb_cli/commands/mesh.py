@@ -22,7 +22,6 @@ from gtb_cli.shell.streams import (
     Spec,
     Streams,
     about,
-    file_of_standard_output,
     file_stem,
     input_stem,
     is_device,
@@ -35,7 +34,7 @@ from gtb_cli.shell.surface_files import check_unit, surface_format, write_surfac
 from gtb_cli.shell.watching import watched
 from gtb_cli.shell.workers import Workers, workers_option
 from gtb_cli.values import grouped
-from gtb_cli.vocabulary import CAD_FORMATS, CAD_SUFFIXES, CELL_FORMATS, DEFAULT_UNIT, FORMATS, UNITS, suffix_of
+from gtb_cli.vocabulary import CAD_FORMATS, CELL_FORMATS, DEFAULT_UNIT, FORMATS, UNITS, suffix_of
 
 if TYPE_CHECKING:
     from gtb_cli.shell.manifest import Manifest
@@ -120,11 +119,6 @@ def mesh(
     place = output if folder is None else os.path.join(folder, "")
     kind = options.format_for(place)
     check_unit(options, kind)
-    if output == STANDARD and options.format is None:
-        meant = CAD_SUFFIXES.get(suffix := suffix_of(name := file_of_standard_output()), suffix)
-        if meant != kind and meant in (*FORMATS, *CAD_FORMATS, *CELL_FORMATS):
-            got = f"{os.path.basename(name)} gets {kind.upper()} from standard output"
-            console.warn(f"{got}: -f {meant} writes {meant.upper()}")
     book = None
     if manifest is not None:
         from gtb_cli.shell.manifest import Manifest
