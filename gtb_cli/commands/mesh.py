@@ -14,6 +14,7 @@ import click
 
 from gtb_cli.errors import ExportError, GtbError, RequirementError
 from gtb_cli.shell.faults import in_options
+from gtb_cli.shell.gathering import option
 from gtb_cli.shell.meshing import MeshOptions, summary
 from gtb_cli.shell.messages import STANDARD
 from gtb_cli.shell.options import INPUT, OUTPUT, check_outputs, mesh_options, output_option, reading_streams
@@ -69,24 +70,17 @@ class GroupedOptions(click.Command):
 @output_option
 @mesh_options(*CAD_FORMATS, *CELL_FORMATS)
 @workers_option
-@click.option(
-    "--manifest",
-    metavar="FILE",
-    type=OUTPUT,
+@option("--manifest FILE", OUTPUT)(
     help="Write a JSON object with the versions and options used, and for each mesh file its name, sha256, bytes, "
-    "vertices, faces, area, volume (null where open) and bounds. With -, to standard output.",
+    "vertices, faces, area, volume (null where open) and bounds. With -, to standard output."
 )
-@click.option(
-    "--resume",
-    is_flag=True,
+@option("--resume", bool)(
     help="Make only files that the old manifest does not show to be up to date. Each then appears when made, and "
-    "an interrupted run can be resumed.",
+    "an interrupted run can be resumed."
 )
-@click.option(
-    "--unit",
-    type=click.Choice([*UNITS]),
+@option("--unit", (*UNITS,))(
     help=f"Unit of length of STEP, IGES and 3MF files, {DEFAULT_UNIT} without this option; GLB files, which are "
-    "in metres, are scaled from it.",
+    "in metres, are scaled from it."
 )
 @reading_streams
 @watched
