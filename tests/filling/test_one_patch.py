@@ -888,8 +888,8 @@ def bent_beside(patch):
     return mean_curvature(patch, edge + 0.01 * (patch.domain.vertices.mean(axis=0) - edge))
 
 
-@pytest.mark.parametrize("raises", mostly_long([None, 2]))
-@pytest.mark.parametrize("name", mostly_long(["square-1", "triangle-1", "pentagon-1", "hexagon"]))
+@pytest.mark.parametrize("raises", [None, 2])
+@pytest.mark.parametrize("name", mostly_long(["square-1", "triangle-1", "pentagon-1", "hexagon"], 0))
 def test_a_patch_taken_out_of_a_closed_model_is_filled_again(name, raises):
     """Its neighbours have real knots; where degrees are raised, so are theirs, and the model closes all the same."""
     model = load(SPECS / "hebesphenorotunda.toml")
