@@ -90,10 +90,8 @@ def glb_blocks(
     if total > 2**32 - 1:  # the header has 32 bits for it
         raise ExportError(f"GLB: holds no more than 4 GB, and this has {total / 1e9:.1f}")
     whole_size, text_size, body_size = (size.to_bytes(4, "little") for size in (total, len(text), length))
-    return [
-        b"glTF\2\0\0\0" + whole_size + text_size + b"JSON" + text + body_size + b"BIN\0",
-        *(content for *_, content in chunks),
-    ]
+    head = b"glTF\2\0\0\0" + whole_size + text_size + b"JSON" + text + body_size + b"BIN\0"
+    return [head, *(content for *_, content in chunks)]
 
 
 @contextmanager
