@@ -3,6 +3,7 @@
 import copy
 import io
 import json
+import tracemalloc
 import zipfile
 from collections.abc import Iterator
 from functools import reduce
@@ -143,3 +144,12 @@ def test_further_files_in_a_3mf_archive(name, unseen):
         found.append(decode_mesh(file.getvalue(), "a"))
     what = "extensions" if name.lower().startswith("maps") else "further parts"
     assert difference(*found).values == (not unseen) * (f"other data: {what}: not the same",)
+
+
+def test_a_point_that_obj_names_often_is_written_once():
+    text = b"v .1 .2 .3\nv 1 0 0\nv 0 1 0\nf 1 2 3\np" + 20_000 * b" 1" + b"\n"
+    tracemalloc.start()
+    decode_mesh(text, "a")
+    peak = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    assert peak < 150 * 20_000
