@@ -82,7 +82,7 @@ def test_what_is_said_of_files_of_others(kind, one, other, said):
     assert [each.startswith(said) for each in faults] == [True] * bool(said), faults
 
 
-def test_few_bytes_of_glb_cannot_stand_for_many():
+def test_few_bytes_of_glb_or_3mf_cannot_stand_for_many():
     many = {f"HELD._{k}": 2 for k in range(9)} | {"accessors.2.count": 10**9}
     with pytest.raises(GtbError, match="1000000000 rows for 3 vertices"):
         edited(**many).values()
@@ -102,6 +102,14 @@ def test_few_bytes_of_glb_cannot_stand_for_many():
         edited(**{"materials.0": {"pbrMetallicRoughness": {"baseColorFactor": [1, 0, 0]}}})
     with pytest.raises(GtbError, match="has 21000 nodes, more than 20"):
         edited(nodes=[{}] * 21_000)
+    points = {"primitives": [{"mode": 0}] * 2000}
+    with pytest.raises(GtbError, match="corners of cells in all nodes"):
+        edited(meshes=[points, *TREE["meshes"]], nodes=[{"mesh": 0}] * 1000 + [{"mesh": 1}])
+    cells = "".join(f'<triangle v1="0" v2="1" v3="2" p1="{k % 2}"/>' for k in range(3000))
+    mesh = TRIANGLE[: TRIANGLE.index("<triangle ")] + f"{cells}</triangles></mesh>"
+    objects = f'<basematerials id="2"><base name="a"/><base name="b"/></basematerials><object id="1" pid="2">{mesh}'
+    with pytest.raises(GtbError, match="numbers, or changes of material, in all objects"):
+        decode_mesh(archive(f"{objects}</object>", '<item objectid="1"/>' * 80), "a")
 
 
 def test_what_a_mesh_of_glb_says_is_told_once_however_many_nodes_share_it(monkeypatch):
@@ -110,20 +118,6 @@ def test_what_a_mesh_of_glb_says_is_told_once_however_many_nodes_share_it(monkey
     mesh["primitives"] = mesh["primitives"] + [{"mode": 0}] * 100
     assert edited(meshes=[mesh], nodes=[{"mesh": 0}] * 100).values()
     assert sum(taken) < 100_000
-
-
-def test_points_of_glb_count_in_each_node():
-    points = {"primitives": [{"mode": 0}] * 2000}
-    with pytest.raises(GtbError, match="corners of cells in all nodes"):
-        edited(meshes=[points, *TREE["meshes"]], nodes=[{"mesh": 0}] * 1000 + [{"mesh": 1}])
-
-
-def test_changes_of_material_in_a_3mf_file_count_in_each_object_but_the_first():
-    cells = "".join(f'<triangle v1="0" v2="1" v3="2" p1="{k % 2}"/>' for k in range(3000))
-    mesh = TRIANGLE[: TRIANGLE.index("<triangle ")] + f"{cells}</triangles></mesh>"
-    objects = f'<basematerials id="2"><base name="a"/><base name="b"/></basematerials><object id="1" pid="2">{mesh}'
-    with pytest.raises(GtbError, match="numbers, or changes of material, in all objects"):
-        decode_mesh(archive(f"{objects}</object>", '<item objectid="1"/>' * 80), "a")
 
 
 def test_names_of_attributes_may_differ_in_case_only():
