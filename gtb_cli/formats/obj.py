@@ -160,8 +160,10 @@ class _ObjLines:
         ranges |= {f"{SETTINGS}{keyword.decode()}": named(keyword) for keyword in STATES}
         marks = {label: [(mark_of(name), a, b) for name, a, b in named] for label, named in ranges.items()}
         told = "\n".join(name for keyword, name, _ in self.names if keyword == b"p")
-        lone = [int(k) - 1 for k in re.findall(r"(?<= )[0-9]{1,18}\b", "".join(re.findall("^p( .*)", told, re.M)))]
-        told += "".join(f" {x + 0:.7g}" for k in lone if 0 <= k < len(vertices) for x in vertices[k].tolist())
+        lines = "".join(re.findall("^p( .*)", told, re.M))
+        lone = [int(found[0]) - 1 for found in re.finditer(r"(?<= )[0-9]{1,18}\b", lines)]
+        places = {k: "".join(f" {x + 0:.7g}" for x in vertices[k]) for k in {*lone} if 0 <= k < len(vertices)}
+        told += "".join(places.get(k, "") for k in lone)
         read = [*FILES, b"mtllib"] if materials or named(b"usemap") else FILES
         libraries = tuple(name for keyword, name, _ in self.names if keyword in read)
         for label, text in ((f"{OTHER}points", told), (LIBRARIES, "\n".join(libraries))):

@@ -271,8 +271,8 @@ class _Reader:
 
     def placed(self) -> Iterator[tuple[_Mesh, FloatArray, str, str]]:
         """Yield the objects that are built with their places, numbers, and what else is said of them."""
-        most = 50_000_000  # numbers of all placed objects: few bytes may name many
-        effort = 10_000  # numbers that take as long as an object without any
+        effort, change = 10_000, 250  # numbers that take as long as an object without any, and one more material
+        most = 50_000_000 + change * sum(len(mesh.parts) for mesh in self.meshes.values())  # few bytes may name many
         order = {key: number for number, key in enumerate(self.meshes)}
         used, stack = 0, [(*item, len(order)) for item in reversed(self.items)]
         while stack:
@@ -280,9 +280,9 @@ class _Reader:
             if order[key] >= above:  # an object names only earlier ones
                 raise GtbError(f"object {key!r:.40} is not before the object that refers to it")
             mesh = self.meshes[key]
-            used += len(mesh.vertices) + len(mesh.corners) + effort
+            used += len(mesh.vertices) + len(mesh.corners) + effort + change * len(mesh.parts)
             if used > most:
-                raise GtbError(f"has more than {most} numbers in all objects together")
+                raise GtbError(f"has more than {most} numbers, or changes of material, in all objects together")
             said += mesh.kind * (len(self.kinds) > 1)  # a kind of all stands in what the file says
             yield mesh, place, f"{order[key] + 1}", said
             inner = reversed(self.components[key])
@@ -308,9 +308,10 @@ class _Reader:
             vertices.append(points)
             cells.append((found[:, ::-1] if is_mirrored else found) + count)
             ends = [*(start for start, _ in mesh.parts[1:]), len(found)]
-            looks = [self.look(part) for _, part in mesh.parts]
-            materials |= (here := {material for material, _ in looks})
-            for (start, _), end, (material, row) in zip(mesh.parts, ends, looks, strict=False):
+            looks = {part: self.look(part) for part in {part for _, part in mesh.parts}}
+            materials |= (here := {material for material, _ in looks.values()})
+            for (start, part), end in zip(mesh.parts, ends, strict=False):
+                material, row = looks[part]
                 name = material or mesh.name or number
                 is_same = start and groups[-1][0] == name  # with other paint
                 groups.append((name, groups.pop()[1] if is_same else rows + start, rows + end))
