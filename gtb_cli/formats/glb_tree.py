@@ -139,7 +139,7 @@ class Scene:
             is_lone = "mesh" not in node and (said or not node.get("children"))  # as a camera is
             if is_lone or any("attributes" in each for each in rest):  # of points
                 said["place"] = []
-                for part, low in ((place[:3, :3], 0.0), (place[:3, 3], least)):  # rounding is no shift
+                for part, low in ((place[:3, :3], 0.0), (place[:3, 3], least)):  # rounding is not a shift
                     size = largest if (largest := np.abs(part).max()) > low else np.inf
                     said["place"] += [*(np.round(part / size, 6) + 0.0).ravel().tolist(), float(f"{size:.7g}")]
             path[depth + 1 :] = [mark_of(f"{path[depth]} {node['name']}") if "name" in node else path[depth]]
