@@ -104,7 +104,7 @@ class Scene:
                 yield self.tree["meshes"][_index(node["mesh"])], str(node.get("name", "")), place
 
     def material(self, number: int | None) -> list[float]:
-        """Return the colour of a material, the default one's for None, and a mark of all else but its name."""
+        """Return the colour of a material, the default one's for None, and a mark of all else, its name too."""
         material = {} if number is None else self.tree["materials"][number]
         colour = material.get("pbrMetallicRoughness", {}).get(COLOUR, (1, 1, 1, 1))
         if len(colour) != 4:
@@ -127,6 +127,7 @@ class Scene:
         are_posed = len(scenes) > 1 or self.tree.get("skins") or self.tree.get("animations")  # their places count
         has_several, path = sum("mesh" not in nodes[number] for number in labels) > 1, list[Any]([None])
         of_meshes, of_nodes = dict[int, tuple[Any, bool]](), []  # marks, and whether they have points
+        least = 1e-9 * max((np.abs(place[:3, 3]).max() for *_, place in self.placed), default=0.0)
         for number, depth, place in self.placed:
             node, has_place = nodes[number], False
             said = without(node, {"mesh"} if are_posed else placing)
@@ -139,8 +140,10 @@ class Scene:
                     of_meshes[key] = mark, any("attributes" in each for each in rest)
                 said["mesh"], has_place = of_meshes[key]
             if has_place or ("mesh" not in node and (said or not node.get("children"))):  # as a camera is
-                size = np.abs(place).max() or 1.0
-                said["place"] = mark_of((np.round(place / size, 6) + 0.0).tobytes(), f"{size:.6g}")
+                said["place"] = []
+                for part, low in ((place[:3, :3], 0.0), (place[:3, 3], least)):  # rounding is not a shift
+                    size = largest if (largest := np.abs(part).max()) > low else np.inf
+                    said["place"] += [*(np.round(part / size, 6) + 0.0).ravel().tolist(), float(f"{size:.7g}")]
             path[depth + 1 :] = [mark_of(f"{path[depth]} {node['name']}") if "name" in node else path[depth]]
             if has_several:
                 said["path"] = path[depth + ("mesh" not in node)]
