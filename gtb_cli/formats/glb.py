@@ -90,10 +90,8 @@ def glb_blocks(
     if total > 2**32 - 1:  # the header has 32 bits for it
         raise ExportError(f"GLB: holds no more than 4 GB, and this has {total / 1e9:.1f}")
     whole_size, text_size, body_size = (size.to_bytes(4, "little") for size in (total, len(text), length))
-    return [
-        b"glTF\2\0\0\0" + whole_size + text_size + b"JSON" + text + body_size + b"BIN\0",
-        *(content for *_, content in chunks),
-    ]
+    head = b"glTF\2\0\0\0" + whole_size + text_size + b"JSON" + text + body_size + b"BIN\0"
+    return [head, *(content for *_, content in chunks)]
 
 
 @contextmanager
@@ -117,13 +115,15 @@ def read_glb(data: bytes) -> FileArrays:
     groups = []
     others: dict[str, list[_Part]] = {}
     materials: list[tuple[list[float], int, int]] = []
-    scene = Scene(tree, binary)
+    scene = Scene(tree, binary, len(data))
     count = rows = used = 0
     for mesh, name, place in scene.placed_meshes():
         before, starts = rows, dict[str, int]()  # of vertices, which primitives of a mesh may share
         for primitive in mesh["primitives"]:
-            mode = primitive.get("mode", 4)
-            if mode == 0:  # points
+            used += 20  # points take time as well
+            if used > most:
+                raise GtbError(f"has more than {most} vertices and corners of cells in all nodes together")
+            if (mode := primitive.get("mode", 4)) == 0:  # points
                 continue
             positions = accessor_values(tree, binary, primitive["attributes"]["POSITION"])
             if positions.shape[1] != 3 or positions.dtype != SINGLE_FLOAT:
@@ -135,8 +135,6 @@ def read_glb(data: bytes) -> FileArrays:
                 raise GtbError("indices: expected whole numbers")
             start = starts.setdefault(str(primitive["attributes"]), count)
             used += len(corners) + effort + (len(positions) + 20 * len(primitive["attributes"])) * (start == count)
-            if used > most:
-                raise GtbError(f"has more than {most} vertices and corners of cells in all nodes together")
             if len(corners) and not 0 <= corners.min() <= corners.max() < len(positions):
                 raise GtbError(f"indices: expected numbers below {len(positions)}, got {corners.max()}")
             found = as_indices(shifted(_cells(corners[:, 0], mode), start), np.int32)

@@ -159,9 +159,19 @@ class _ObjLines:
         ranges = {OBJECTS: objects if is_divided else [], f"{MATERIALS}OBJ": materials}
         ranges |= {f"{SETTINGS}{keyword.decode()}": named(keyword) for keyword in STATES}
         marks = {label: [(mark_of(name), a, b) for name, a, b in named] for label, named in ranges.items()}
-        told = "\n".join(name for keyword, name, _ in self.names if keyword == b"p")
-        lone = [int(k) - 1 for k in re.findall(r"(?<= )[0-9]{1,18}\b", "".join(re.findall("^p( .*)", told, re.M)))]
-        told += "".join(f" {x + 0:.7g}" for k in lone if 0 <= k < len(vertices) for x in vertices[k].tolist())
+        digits = 6 - round(np.log10(np.ptp(vertices, axis=0).max() or 1.0)) if len(vertices) else 0
+        parts = {name for keyword, name, _ in self.names if keyword in (b"g", b"o")}
+        told, state = "", dict.fromkeys([b"usemtl", *[b"g", b"o"] * (len(parts) > 1)], "")
+        for keyword, name, _ in self.names:
+            if keyword in state:
+                state[keyword] = name
+            elif keyword == b"p":
+                known = [
+                    k
+                    for k in dict.fromkeys(map(int, re.findall(r"(?<= )[0-9]{1,18}\b", name)))
+                    if 0 < k <= len(vertices)
+                ]
+                told += f"{name} {state} {[round(x, digits) + 0.0 for k in known for x in vertices[k - 1].tolist()]}\n"
         read = [*FILES, b"mtllib"] if materials or named(b"usemap") else FILES
         libraries = tuple(name for keyword, name, _ in self.names if keyword in read)
         for label, text in ((f"{OTHER}points", told), (LIBRARIES, "\n".join(libraries))):

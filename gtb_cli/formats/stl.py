@@ -17,20 +17,15 @@ from gtb_cli.formats.numbers_read import half_step, numbers, sampled, shown
 from gtb_cli.formats.numbers_written import BLOCK_ROWS, text_rows
 from gtb_cli.meshes.coincident import numbered_places
 from gtb_cli.meshes.mesh import FACETS, OTHER, Values
+from gtb_cli.solids.crossings import facing_of
 
 FACET = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribute", "<u2")])  # of a binary file
 
 
 def stl_blocks(vertices: FloatArray, triangles: IntArray, name: str, *, ascii: bool) -> Iterable[bytes]:
     """Return an STL file: binary with 32-bit numbers, or text with numbers that read back exactly, and a name."""
-    from trimesh.triangles import normals
-
-    # trimesh takes triangles with a cross product below 1e-13 for points, and squares lengths; powers of two are exact.
-    exponent = int(np.frexp(np.ptp(bounds_of(vertices), axis=0).max() or 1.0)[1])
-    exponent = 0 if -10 < exponent < 200 else exponent
-    directions = np.zeros(triangles.shape)
-    known, has_normal = normals(np.ldexp(vertices, -exponent)[triangles])
-    directions[has_normal] = known
+    exponent = int(np.frexp(np.ptp(bounds_of(vertices), axis=0).max())[1])  # squares of lengths must be numbers
+    directions = facing_of(np.ldexp(vertices, -exponent)[triangles])
     if ascii:
         return _text(vertices, triangles, directions, name)
     facets = np.zeros(len(triangles), FACET)

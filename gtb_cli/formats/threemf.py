@@ -145,7 +145,7 @@ class _Reader:
         least, ratio = 1 << 24, 200  # bytes that any file may have, and how many times as many as packed ones
         if size > min(LARGEST, max(least, ratio * archive.start_dir)):
             raise GtbError(f"says that it holds more than {LARGEST >> 30} GB, or {ratio} times its packed size")
-        self.depth = self.named = self.foreign = 0  # depths, of which the last is that of an element of an extension
+        self.gap = self.depth = self.named = self.foreign = 0  # depths but the first; the last is of an extension
         self.left = (1 << 19) + model.compress_size // 2  # elements: each takes four bytes, or repeats
         self.meshes: dict[str, _Mesh] = {}
         self.materials: dict[str | None, list[tuple[str, bytes]]] = {}
@@ -184,16 +184,19 @@ class _Reader:
         raise GtbError("declares an entity, which no 3MF file may")
 
     def text(self, found: str) -> None:
-        self.extensions.update(b"" if not self.foreign else "".join(found.split()).encode())
+        if self.foreign and (words := " ".join(found.split())):  # the parser may cut a text anywhere
+            self.extensions.update(f"{' ' * (self.gap or found[0].isspace())}{words}".encode())
+        self.gap = found[-1].isspace()
 
     def end(self, _: str) -> None:
-        self.depth -= 1
+        self.extensions.update(b"\0" if self.foreign else b"")  # which no text holds
+        self.depth, self.gap = self.depth - 1, True
         self.foreign *= self.foreign <= self.depth
 
     def start(self, name: str, given: dict[str, str]) -> None:
         deepest, most = 32, 100_000  # elements within elements, and objects, materials and their uses
         name = name.rpartition(":")[2]
-        self.depth += 1
+        self.depth, self.gap = self.depth + 1, True
         self.left -= 1
         self.named += name in ("object", "component", "item", "basematerials", "base", "colorgroup", "color")
         if self.depth > deepest or self.named > most:
@@ -252,8 +255,8 @@ class _Reader:
             self.note(f"{name} {len(self.items)}", given, *_KNOWN)
             self.extensions.update((self.meshes[self.id].name if name == "component" else "").encode())
         elif name in _PLAIN:
-            self.note(name, given, "xmlns", *["name", "type", "preserve"] * (name == "metadata"))
-        else:
+            self.note(name, given, "xmlns")
+        elif name != "metadata" or given.get("name") not in ("CreationDate", "ModificationDate", "Application"):
             self.foreign = self.depth
             self.extended |= {f"{len(self.meshes)}"} if self.depth > 4 else set()
             self.note(name, given)
@@ -271,8 +274,8 @@ class _Reader:
 
     def placed(self) -> Iterator[tuple[_Mesh, FloatArray, str, str]]:
         """Yield the objects that are built with their places, numbers, and what else is said of them."""
-        most = 50_000_000  # numbers of all placed objects: few bytes may name many
-        effort = 10_000  # numbers that take as long as an object without any
+        effort, change = 10_000, 250  # numbers that take as long as an object without any, and one more material
+        most = 50_000_000 + change * sum(len(mesh.parts) for mesh in self.meshes.values())  # few bytes may name many
         order = {key: number for number, key in enumerate(self.meshes)}
         used, stack = 0, [(*item, len(order)) for item in reversed(self.items)]
         while stack:
@@ -280,9 +283,9 @@ class _Reader:
             if order[key] >= above:  # an object names only earlier ones
                 raise GtbError(f"object {key!r:.40} is not before the object that refers to it")
             mesh = self.meshes[key]
-            used += len(mesh.vertices) + len(mesh.corners) + effort
+            used += len(mesh.vertices) + len(mesh.corners) + effort + change * len(mesh.parts)
             if used > most:
-                raise GtbError(f"has more than {most} numbers in all objects together")
+                raise GtbError(f"has more than {most} numbers, or changes of material, in all objects together")
             said += mesh.kind * (len(self.kinds) > 1)  # a kind of all stands in what the file says
             yield mesh, place, f"{order[key] + 1}", said
             inner = reversed(self.components[key])
@@ -308,9 +311,10 @@ class _Reader:
             vertices.append(points)
             cells.append((found[:, ::-1] if is_mirrored else found) + count)
             ends = [*(start for start, _ in mesh.parts[1:]), len(found)]
-            looks = [self.look(part) for _, part in mesh.parts]
-            materials |= (here := {material for material, _ in looks})
-            for (start, _), end, (material, row) in zip(mesh.parts, ends, looks, strict=False):
+            looks = {part: self.look(part) for part in {part for _, part in mesh.parts}}
+            materials |= (here := {material for material, _ in looks.values()})
+            for (start, part), end in zip(mesh.parts, ends, strict=False):
+                material, row = looks[part]
                 name = material or mesh.name or number
                 is_same = start and groups[-1][0] == name  # with other paint
                 groups.append((name, groups.pop()[1] if is_same else rows + start, rows + end))
@@ -355,5 +359,5 @@ def _name_of(part: str) -> str:
 
 _LOOK, _SPECIAL = f"{MATERIALS}3MF", f"{OBJECTS} that are not printed, or support"
 # Elements and attributes of the core specification that say nothing of their own, or are read
-_PLAIN = ["resources", "build", "mesh", "vertices", "triangles", "components", "metadata"]
+_PLAIN = ["resources", "build", "mesh", "vertices", "triangles", "components"]
 _KNOWN = ["objectid", "name", "type", "pid", "pindex", "transform", "printable", "thumbnail"]

@@ -145,7 +145,7 @@ def _difference(one: Curve, other: Curve, tolerance: float, distance: float | No
 
 def _cure(edge: Curve, distance: float) -> str:
     is_far = distance > 2 * FAR_WELD * edge.size
-    return "" if is_far else f"{WELD} {above(distance)} joins them, with no finer `tolerance`"
+    return "" if is_far else f"{WELD} {above(distance)} joins them, if `tolerance` is not below it"
 
 
 def above(distance: float) -> str:

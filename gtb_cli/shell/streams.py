@@ -260,7 +260,8 @@ def output_format(output: str, given: str | None, formats: Collection[str], more
     if output not in (STANDARD, "/dev/stdout") and not is_folder(output) and not is_device(output):
         known = [f".{name}" for name in (*formats, *more)]
         meant = [f", did you mean {each}?" for each in known if sorted(each) == sorted(f".{suffix}")]
-        ends = f"it does not end in {', '.join(known)}{meant[0] if meant else '; give -f FORMAT'}"
+        other = "gtb plot draws pictures" if suffix in ("png", "svg", "pdf") else "give -f FORMAT"
+        ends = f"it does not end in {', '.join(known)}{meant[0] if meant else f'; {other}'}"
         raise ExportError(f"cannot tell the format of {output or repr(output)}: {ends}")
     return next(iter(formats))
 

@@ -150,12 +150,15 @@ def test_a_flat_hole_is_filled_flat(tilt, scale, shift):
     assert np.ptp(filling.patch.control_points @ up) < 1e-9 * (20 * scale + shift * (tilt > 0)) * tilt + 1e-300
 
 
-@pytest.mark.parametrize("change", mostly_long([{"across": np.tile([-1, 0, 0.5], (96, 1))}, {"across": None}]))
+@pytest.mark.parametrize("change", [{"across": np.tile([-1, 0, 0.5], (96, 1))}, {"across": None}])
 def test_a_hole_whose_sides_or_planes_leave_the_plane_is_not_flat(change):
     sides = plane_sides(L[[0, 1, 2, 5]], [1] * 4)
     if change["across"] is None:
         change["curve"] = homogeneous(np.array([[2.0, 0, 0], [2, 0.5, 1], [2, 1, 0]]))
-    assert fill_loop([sides[0], replace(sides[1], **change), *sides[2:]]).angle < 1e-6
+    changed = [sides[0], replace(sides[1], **change), *sides[2:]]
+    for each, flat in ((sides, True), (changed, False)):
+        normals = [None if side.across is None else side_normals(side) for side in each]
+        assert one_patch._is_flat(each, normals, 1e-12) == flat
 
 
 @pytest.mark.parametrize("seed", mostly_long([2, 1], 0))  # not refused, and refused
@@ -888,8 +891,8 @@ def bent_beside(patch):
     return mean_curvature(patch, edge + 0.01 * (patch.domain.vertices.mean(axis=0) - edge))
 
 
-@pytest.mark.parametrize("raises", mostly_long([None, 2]))
-@pytest.mark.parametrize("name", mostly_long(["square-1", "triangle-1", "pentagon-1", "hexagon"]))
+@pytest.mark.parametrize("raises", [None, 2])
+@pytest.mark.parametrize("name", mostly_long(["square-1", "triangle-1", "pentagon-1", "hexagon"], 0))
 def test_a_patch_taken_out_of_a_closed_model_is_filled_again(name, raises):
     """Its neighbours have real knots; where degrees are raised, so are theirs, and the model closes all the same."""
     model = load(SPECS / "hebesphenorotunda.toml")
