@@ -11,11 +11,12 @@ import numpy as np
 import pytest
 
 from gtb_cli.bezier.elevation import elevate
-from gtb_cli.cad.bspline_surfaces import spline_surfaces
+from gtb_cli.cad.bspline_surfaces import _best_of, spline_surfaces
 from gtb_cli.cad.cad_seams import Seams, along_edge
 from gtb_cli.cad.cad_writing import KERNEL_UNITS, encode_cad
 from gtb_cli.cad.exact_surfaces import exact_surfaces
 from gtb_cli.cad.kinds_of_surfaces import encode_surfaces
+from gtb_cli.cad.spline_pieces import FittedPieces
 from gtb_cli.errors import DomainError, ExportError, ToleranceError
 from gtb_cli.formats.threemf import UNIT_NAMES
 from gtb_cli.importers import cad_files
@@ -288,6 +289,16 @@ def test_an_exact_patch_of_high_degree_stays_exact_beside_a_fitted_one(tmp_path:
     assert (is_valid(shape), len(parts(shape, "SOLID"))) == (True, 1)
 
 
+@pytest.mark.parametrize(("angle", "tried"), [(None, 4), (6.0, 3), (2.0, 5)])
+def test_more_spans_are_tried_until_planes_are_near_or_come_no_nearer(angle: float | None, tried: int) -> None:
+    most = FittedPieces((), 1.0, 1.0, 90.0, 90.0, 1.0)
+    figures = [(2.0, 0.5, 9.0), (0.5, 0.5, 9.0), (0.5, 0.5, 3.0), (0.5, 0.5, 5.0), (0.5, 2.0, 1.0)]
+    trials = iter([({}, most._replace(error=error, gap=gap, bend=bend, angle=0.0)) for error, gap, bend in figures])
+    best, last = _best_of(trials, most, angle, curved=False)
+    assert best is not None
+    assert (best[1].bend, last.bend, len([*trials])) == (3.0, figures[tried - 1][2], 5 - tried)
+
+
 def test_a_rectangle_is_one_face_and_a_triangle_three() -> None:
     assert (len(exact_surfaces(bicubic())), spline_surfaces(bicubic(), None).bend) == (1, 0)
     (surface,) = exact_surfaces(bicubic())
@@ -339,13 +350,9 @@ def test_y_is_up_where_it_is_asked_for(kind: str, tmp_path: Path) -> None:
     for spec in (INTEGERS, tmp_path / "pillow.toml"):
         gtb("mesh", spec, "-f", kind, "--up", "y", "-o", tmp_path / "up.cad", status=0)
         shape = read((tmp_path / "up.cad").read_bytes(), kind, tmp_path)
-        mesh = tessellate(load(spec), 48)
-        low, high = mesh.bounds
-        expected = [low[0], low[2], -high[1], high[0], high[2], -low[1]]
-        found = kernel("Bnd").Bnd_Box()
-        kernel("BRepBndLib").BRepBndLib.AddOptimal_s(shape, found, False, False)
-        ends = [(p.X(), p.Y(), p.Z()) for p in (found.CornerMin(), found.CornerMax())]
-        assert np.abs(np.ravel(ends) - expected).max() <= 1e-3
+        low, high = tessellate(load(spec), 48).bounds
+        expected = [[low[0], low[2], -high[1]], [high[0], high[2], -low[1]]]
+        assert np.abs(cad_files.box_of(shape) - expected).max() <= 1e-3
 
 
 @long

@@ -63,10 +63,7 @@ def jet(patch: Patch, s: Any, t: Any) -> tuple[float, Any, Any]:
         factors = [v * MP.fprod(row[axis] for axis in axes) for v, row in zip(e, d, strict=True)]
         return MP.matrix([sum(f * (b[k] - p[k]) for f, b in zip(factors, points, strict=True)) for k in range(3)])
 
-    def dot(a: Any, b: Any) -> Any:
-        return sum(x * y for x, y in zip(a, b, strict=True))
-
-    u, v = moment(0), moment(1)
+    u, v, dot = moment(0), moment(1), MP.fdot
     n = MP.matrix([u[1] * v[2] - u[2] * v[1], u[2] * v[0] - u[0] * v[2], u[0] * v[1] - u[1] * v[0]])
     n /= MP.sqrt(dot(n, n))
     ee, ff, gg, ll, mm, rr = dot(u, u), dot(u, v), dot(v, v), *(dot(moment(*k), n) for k in ((0, 0), (0, 1), (1, 1)))

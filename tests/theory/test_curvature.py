@@ -80,11 +80,7 @@ def test_a_torus():
 
 def forms(first, second):
     """(K, H) from the derivatives P_0, P_1 and P_00, P_01, P_11, in the numbers of mpmath."""
-
-    def dot(a, b):
-        return sum(x * y for x, y in zip(a, b, strict=True))
-
-    (ax, ay, az), (bx, by, bz) = first
+    (ax, ay, az), (bx, by, bz), dot = *first, CONTEXT.fdot
     normal = (ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx)
     square = dot(normal, normal)
     e, f, g = dot(first[0], first[0]), dot(first[0], first[1]), dot(first[1], first[1])
