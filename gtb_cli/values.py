@@ -1,5 +1,6 @@
 """Value objects: frozen, and compared, hashed, copied and pickled by their fields, arrays included."""
 
+import math
 from collections.abc import Hashable, Iterable, Mapping
 from dataclasses import dataclass, field, fields
 from typing import Any, TypeVar, dataclass_transform
@@ -15,6 +16,11 @@ def grouped(pairs: Iterable[tuple[Key, Entry]]) -> dict[Key, list[Entry]]:
     for key, entry in pairs:
         found.setdefault(key, []).append(entry)
     return found
+
+
+def if_finite(value: float | None) -> float | None:
+    """Return a number for JSON, which has no others: None if it is infinite or not a number."""
+    return value if value is not None and math.isfinite(value) else None
 
 
 @dataclass_transform(frozen_default=True, eq_default=False, field_specifiers=(field,))

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import os
 from typing import TYPE_CHECKING, Any
 
@@ -11,6 +10,7 @@ import click
 from gtb_cli.language.reading import Reading
 from gtb_cli.shell.several import ReportRequest, report_options
 from gtb_cli.shell.streams import is_terminal, spec_of
+from gtb_cli.values import if_finite
 
 if TYPE_CHECKING:
     from gtb_cli.checks.report import Finding, ModelReport, Report
@@ -60,8 +60,7 @@ def _data(report: Report | ModelReport) -> dict[str, Any]:
 
 
 def _finding_data(found: Finding) -> dict[str, Any]:
-    """Return a finding as plain data; numbers that are not finite become null, since JSON cannot write them."""
-    value, bound = (x if x is not None and math.isfinite(x) else None for x in (found.value, found.bound))
+    value, bound = map(if_finite, (found.value, found.bound))
     named = {"name": found.name, "reference": found.reference, "status": found.status}
     return {**named, "value": value, "bound": bound, "reason": found.reason}
 

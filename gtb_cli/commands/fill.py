@@ -15,6 +15,7 @@ from gtb_cli.shell.messages import STANDARD, Console
 from gtb_cli.shell.options import INPUT, WholeNumber, json_option, length_of, streams_options, weld_option
 from gtb_cli.shell.streams import Streams, about, input_stem, read_bytes, shown_input, write_blocks, write_json
 from gtb_cli.shell.surface_files import surface_format
+from gtb_cli.values import if_finite
 from gtb_cli.vocabulary import CONTINUITIES, percentage
 
 if TYPE_CHECKING:
@@ -160,17 +161,13 @@ def _cad_file(
 
 def _certificate(filling: Filling, seams: Seams | None, *, written: bool) -> dict[str, Any]:
     """Return what was measured, of a patch only if it is written, as plain data; None stands for what is not known."""
-
-    def known(value: float) -> float | None:
-        return value if math.isfinite(value) else None
-
     sides = [
         {
             "name": side.name,
-            "angle": known(contact.angle),
+            "angle": if_finite(contact.angle),
             "place": None if math.isnan(contact.angle) else contact.place.tolist(),
-            "curvature_difference": known(contact.bend),
-            "curvature_difference_inside": known(contact.bend_inside),
+            "curvature_difference": if_finite(contact.bend),
+            "curvature_difference_inside": if_finite(contact.bend_inside),
             "curvature_place": None if math.isnan(contact.bend) else contact.bend_place.tolist(),
         }
         for side, contact in zip(filling.sides, filling.contacts, strict=True)
@@ -178,16 +175,16 @@ def _certificate(filling: Filling, seams: Seams | None, *, written: bool) -> dic
     found = {
         "name": filling.patch.name,
         "sides": sides,
-        "corner_angles": [known(angle) for angle in filling.corner_angles.tolist()],
+        "corner_angles": [if_finite(angle) for angle in filling.corner_angles.tolist()],
         "corners": [
             {
                 "corner": k,
                 "at": side.ends[0].tolist(),
-                "angle": known(limits.angle),
-                "angle_near": known(part.normals_near(k)),
-                "curvature": known(limits.curvature),
-                "curvature_exponent": known(limits.curvature_exponent),
-                "curvature_near": known(near),
+                "angle": if_finite(limits.angle),
+                "angle_near": if_finite(part.normals_near(k)),
+                "curvature": if_finite(limits.curvature),
+                "curvature_exponent": if_finite(limits.curvature_exponent),
+                "curvature_near": if_finite(near),
                 "curvature_forced": part.corner_forced[k],
                 "folds": limits.folds,
             }

@@ -18,6 +18,7 @@ from gtb_cli.shell.options import solid_option
 from gtb_cli.shell.several import ReportRequest, report_options
 from gtb_cli.shell.streams import Spec, about, shown_input, spec_of
 from gtb_cli.tessellation.recipe import Recipe
+from gtb_cli.values import if_finite
 from gtb_cli.verdicts.mesh_reports import corners, mesh_line, mesh_text, printing_rows, row, spec_or_report
 from gtb_cli.vocabulary import SPEC_FORMATS, UP, Up, suffix_of
 
@@ -163,9 +164,9 @@ def _joints(model: Model, in_full: bool) -> dict[str, Any]:
         "joints": [
             {
                 "edges": [name(seam.first), name(seam.second)],
-                "angle": seam.angle if math.isfinite(seam.angle) else None,
+                "angle": if_finite(seam.angle),
                 "place": seam.place.tolist(),
-                "curvature_difference": bend if math.isfinite(bend) else None,
+                "curvature_difference": if_finite(bend),
             }
             for seam, (bend, _) in zip(seams, bends(seams), strict=True)
         ],

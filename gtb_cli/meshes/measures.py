@@ -1,6 +1,5 @@
 """Measures of a mesh: area, volume, length, boundary, and topology; of patches: `distances.areas_and_volumes`."""
 
-import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
@@ -12,6 +11,7 @@ from gtb_cli.meshes.coincident import numbered_places
 from gtb_cli.meshes.frame import Frame
 from gtb_cli.meshes.mesh import Mesh, vertices_to_measure
 from gtb_cli.meshes.topology import are_proper, are_used, components_of, sides_of
+from gtb_cli.values import if_finite
 
 
 def in_unit(value: float, power: int, unit: str | None) -> tuple[float, str]:
@@ -49,8 +49,8 @@ class Measures:
         record: dict[str, Any] = {"vertices": self.vertices, cells: self.cells, "bounds": bounds}
         record |= {"components": self.components, "euler_characteristic": self.euler_characteristic}
         if self.is_curve:
-            return {**record, "length": _finite(self.length), "open_ends": self.open_edges}
-        extents = {name: _finite(getattr(self, name)) for name in ("area", "volume", "boundary_length")}
+            return {**record, "length": if_finite(self.length), "open_ends": self.open_edges}
+        extents = {name: if_finite(getattr(self, name)) for name in ("area", "volume", "boundary_length")}
         return {**record, **extents, "open_edges": self.open_edges, "crowded_edges": self.crowded_edges}
 
 
@@ -131,7 +131,3 @@ def moments(mesh: Mesh) -> tuple[list[float] | None, list[float] | None]:
     spread = np.einsum("k,kci,kcj->ij", weights, both, both) / (width * (width + 1))
     products = [float(frame.length(spread[i, j], 2)) for i, j in ((0, 0), (1, 1), (2, 2), (1, 2), (2, 0), (0, 1))]
     return frame.outside(centroid).tolist(), products if np.isfinite(products).all() else None
-
-
-def _finite(value: float | None) -> float | None:
-    return value if value is not None and math.isfinite(value) else None
