@@ -6,9 +6,9 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from gtb_cli.arrays import angles_between
+from gtb_cli.cad.edge_halves import half_edges
 from gtb_cli.cad.exact_surfaces import SplineSurface, balanced, exact_surfaces
 from gtb_cli.cad.fitted_pieces import fitted_pieces
-from gtb_cli.cad.half_edges import half_edges
 from gtb_cli.cad.part_borders import part_borders
 from gtb_cli.cad.polar_pieces import polar_pieces
 from gtb_cli.cad.spline_pieces import FittedPieces

@@ -16,8 +16,8 @@ from gtb_cli.fairing.metric import Block, blocks, forms, frame
 from gtb_cli.fairing.variation import Bending, bendings
 from gtb_cli.filling.algebraic import ways_to_surface
 from gtb_cli.filling.certificate import hundredth_inside
+from gtb_cli.filling.control_points import CROSSING
 from gtb_cli.filling.hole_corners import forced_curvatures
-from gtb_cli.filling.rows import CROSSING
 from gtb_cli.filling.sides import edge_of
 from gtb_cli.filling.tangent_rows import EdgeRows
 from gtb_cli.knots.domain import Domain

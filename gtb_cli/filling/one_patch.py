@@ -22,11 +22,11 @@ from gtb_cli.fairing.fair import agreed
 from gtb_cli.fairing.folds import folds as fold_places, most_curved, sharp_turns
 from gtb_cli.fairing.variation import Bending
 from gtb_cli.filling.certificate import DISAGREEING, SPIKE, Filling, angles_to, contact, corner_bends, curvature_near
+from gtb_cli.filling.control_points import Rows
 from gtb_cli.filling.corner_equations import POINT
 from gtb_cli.filling.fairest import NEARER, VISIBLE, FairSearch
 from gtb_cli.filling.hole_corners import corners, end_normals, forced_curvatures
-from gtb_cli.filling.net import net
-from gtb_cli.filling.rows import Rows
+from gtb_cli.filling.knots_and_weights import net
 from gtb_cli.filling.sides import HoleSide, edge_of, loop, side_normals
 from gtb_cli.filling.spline_sides import single_curves
 from gtb_cli.filling.tangent_rows import EdgeRows, edge_rows

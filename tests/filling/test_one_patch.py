@@ -18,8 +18,9 @@ from gtb_cli.fairing.energy import energy_samples, samples
 from gtb_cli.fairing.fair import agreed
 from gtb_cli.fairing.folds import folds, most_curved, sharp_turns
 from gtb_cli.fairing.variation import Bending
-from gtb_cli.filling import certificate, fairest, net, one_patch
+from gtb_cli.filling import certificate, fairest, knots_and_weights, one_patch
 from gtb_cli.filling.certificate import Filling
+from gtb_cli.filling.control_points import Rows, _Form, _multipliers
 from gtb_cli.filling.corner_equations import CornerForms
 from gtb_cli.filling.fairest import FairSearch, Scored
 from gtb_cli.filling.fill import fill
@@ -27,7 +28,6 @@ from gtb_cli.filling.hole_corners import corners, end_normals, forced_curvatures
 from gtb_cli.filling.hole_files import loop_from_text, read_loop
 from gtb_cli.filling.holes import model_rings
 from gtb_cli.filling.one_patch import fill_loop
-from gtb_cli.filling.rows import Rows, _Form, _multipliers
 from gtb_cli.filling.sides import HoleSide, bezier_form, edge_of, points_and_tangents, raised, side_normals, stations
 from gtb_cli.filling.spline_sides import single_curves
 from gtb_cli.filling.strips import strip_side
@@ -222,11 +222,13 @@ def test_planes_at_ends_are_those_of_a_ribbon_that_turns_or_vanishes_there():
 def test_first_knots_of_rows_leave_curvature_bounded(seed):
     """They lie below the line of the next knots on edges, and sums of two apart in the second layer."""
     random = np.random.default_rng(seed)
-    vertices, degrees = net.polygon(random.uniform(1, 4, 3 + seed)), random.integers(4, 9, 3 + seed)
-    for own in net.corner_places(vertices, degrees, net._row_distances(vertices, degrees, net.SECOND_LAYER)):
+    vertices, degrees = knots_and_weights.polygon(random.uniform(1, 4, 3 + seed)), random.integers(4, 9, 3 + seed)
+    for own in knots_and_weights.corner_places(
+        vertices, degrees, knots_and_weights._row_distances(vertices, degrees, knots_and_weights.SECOND_LAYER)
+    ):
         p = own[1:5] - own[0]
         assert np.linalg.solve(p[[0, 3]].T, p[1:3].T).sum(axis=0).max() < 0.95 + 1e-9
-        assert net.keeps_corners(own[0] + p[:2] + p[2:], own[None]).all()
+        assert knots_and_weights.keeps_corners(own[0] + p[:2] + p[2:], own[None]).all()
 
 
 @pytest.mark.parametrize(
@@ -235,11 +237,11 @@ def test_first_knots_of_rows_leave_curvature_bounded(seed):
 )
 def test_smooth_corners_and_short_sides_have_fewer_steps(corners, steps, monkeypatch):
     """A triangle; one whose long side is nearly straight, in two; one with a side of less than a twentieth."""
-    rings, seen = net._rings, list[int]()
-    monkeypatch.setattr(net, "_rings", lambda *given: seen.append(given[-1]) or rings(*given))
+    rings, seen = knots_and_weights._rings, list[int]()
+    monkeypatch.setattr(knots_and_weights, "_rings", lambda *given: seen.append(given[-1]) or rings(*given))
     points = np.pad(np.array(corners, float), ((0, 0), (0, 1)))
     lines = [homogeneous(np.linspace(*ends, 3)) for ends in zip(points, np.roll(points, -1, axis=0), strict=True)]
-    net.net([EdgeRows(line, None, None) for line in lines])
+    knots_and_weights.net([EdgeRows(line, None, None) for line in lines])
     assert seen == [steps]
 
 
@@ -315,9 +317,9 @@ def test_planes_force_curvature_near_corners(monkeypatch):
     forced, edges = forced_curvatures(curves, [*normals[:2], None])
     assert forced * radius == pytest.approx(0.99, abs=0.01)
     assert edges == pytest.approx(radius * math.sqrt(2))
-    monkeypatch.setattr(net, "_even_weights", lambda found: found.log_weights)
+    monkeypatch.setattr(knots_and_weights, "_even_weights", lambda found: found.log_weights)
     edges = [edge_rows(side, side_normals(side), ONCE) for side in random_sides(6, 2)]
-    shape = net.net(edges)
+    shape = knots_and_weights.net(edges)
     at = samples(region := domain(shape.knots, "unit"), shape.log_weights, 4, 0.1)
     most = FairSearch(region, at, np.ones(at.s.shape[1]), None, edges, is_led=False)._most
     of_corner = np.abs(region.vertices - shape.knots[2]).sum(axis=1).argmin()
@@ -365,7 +367,7 @@ def test_pulls_move_free_points_as_energies_do(count):
 def test_equations_of_corners_hold_after_pulls():
     side, *others = random_sides(3, 0)  # its row is free: coefficients follow what the last pull moved
     edges = [edge_rows(side, None, ONCE), *(edge_rows(each, side_normals(each), ONCE) for each in others)]
-    rows = Rows(shape := net.net(edges), edges)
+    rows = Rows(shape := knots_and_weights.net(edges), edges)
     pulls = np.random.default_rng(0).normal(size=(40, len(shape.knots))), np.ones((40, 3)), np.ones(40)
     points = rows.fairest(np.eye(len(shape.knots)), 1.0, pull=lambda _: pulls)
     equations = CornerForms.of(points, shape.log_weights, shape.corners, np.array([False, True, True]))
@@ -418,7 +420,7 @@ def test_beside_a_short_side_rows_cross_the_long_one():
     to, t = unit(np.roll(ends, -1, axis=0) - ends), stations()[:, None]
     sides = [HoleSide(f"{k}", homogeneous(ends[[k, k - 4]]), t * to[k - 4] - (1 - t) * to[k - 1]) for k in range(5)]
     edges = [edge_rows(side, side_normals(side), 2) for side in sides]
-    rows = Rows(shape := net.net(edges), edges)
+    rows = Rows(shape := knots_and_weights.net(edges), edges)
     table, least = rows._bounds(set(), 0.9)
     assert len(least) == 12  # two at each corner, and of the short side's row over both long edges
     assert np.array_equal(rows._legs(rows._given)[1][:, 1], [edges[k - 1].normals[-1] for k in range(5)])
