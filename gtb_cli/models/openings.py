@@ -1,4 +1,4 @@
-"""Why a model is open, edge by edge, as `--require watertight` says it; and seams that were welded."""
+"""Why a model is open, edge by edge, as `--require watertight` says it; welded seams; holes: `filling.holes`."""
 
 from collections.abc import Sequence
 from functools import partial
@@ -11,7 +11,7 @@ from gtb_cli.errors import one_of_alike
 from gtb_cli.models.joints import Joints
 from gtb_cli.models.model import Model, diagonal_of
 from gtb_cli.models.near_ends import meeting, touching
-from gtb_cli.models.rings import closing_turn, crowds, missing_copies, wrong_rings
+from gtb_cli.models.rings_of_copies import closing_turn, crowds, missing_copies, wrong_rings
 from gtb_cli.models.same_edges import find_joints
 from gtb_cli.theory.edges import CURVE_TOLERANCE, Curve, EdgeRef, edge_curve, edge_curves, edge_name
 from gtb_cli.theory.patch import Patch
