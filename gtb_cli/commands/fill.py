@@ -9,8 +9,9 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from gtb_cli.errors import RequirementError
+from gtb_cli.shell.gathering import option
 from gtb_cli.shell.messages import STANDARD, Console
-from gtb_cli.shell.options import INPUT, WholeNumber, json_option, length_option, reads, streams_options, weld_option
+from gtb_cli.shell.options import INPUT, WholeNumber, json_option, length_of, streams_options, weld_option
 from gtb_cli.shell.streams import Streams, about, input_stem, read_bytes, shown_input, write_blocks, write_json
 from gtb_cli.shell.surface_files import surface_format
 from gtb_cli.vocabulary import CONTINUITIES, percentage
@@ -31,47 +32,29 @@ def _kinds(values: tuple[str, ...]) -> dict[str, str]:
 
 @click.command
 @click.argument("loop", metavar="LOOP", type=INPUT)
-@click.option(
-    "--hole",
-    metavar="EDGE",
+@option("--hole EDGE", str)(
     help='In a model or part, fill the hole with this edge, such as "wall-0 edge 2", at this patch or face, "face-3", '
-    'or near this point, "10,0,2.5".',
+    'or near this point, "10,0,2.5".'
 )
-@click.option("--holes", is_flag=True, help="List the holes of a model or part, and fill none.")
-@click.option(
-    "--continuity",
-    multiple=True,
-    metavar="[SIDE=]KIND",
-    callback=reads(_kinds),
+@option("--holes", bool)(help="List the holes of a model or part, and fill none.")
+@option("--continuity [SIDE=]KIND", _kinds, multiple=True)(
     help="With g1, the default, the patch touches the given tangent planes; with g0 it only meets the curves, and is a "
     "plane lid or floor where they lie in a plane; with g2 it also has the curvature of its neighbours. "
-    'Of one side: "side 2=g1".',
+    'Of one side: "side 2=g1".'
 )
-@click.option(
-    "--inner",
-    type=click.Choice(["fair", "flat"]),
-    default="fair",
-    help="Make the inside fair (curvature varies little), the default, or flat like a soap film.",
+@option("--inner", ("fair", "flat"), default="fair")(
+    help="Make the inside fair (curvature varies little), the default, or flat like a soap film."
 )
-@length_option("--fullness", metavar="F", help="Continue along the given tangent planes F times as far as is fair.")
-@click.option(
-    "--elevate",
-    "raises",
-    type=WholeNumber(0, 6),
-    metavar="D",
-    help="Raise the degree of edges by at least D: more knots, a fairer patch. By default D suits the hole.",
+@option("--fullness F", length_of)(help="Continue along the given tangent planes F times as far as is fair.")
+@option("--elevate D", WholeNumber(0, 6), into="raises")(
+    help="Raise the degree of edges by at least D: more knots, a fairer patch. By default D suits the hole."
 )
-@length_option("--tolerance", metavar="T", help="In a CAD file, fit within this distance (1e-4 of the size).")
-@length_option("--angle", metavar="DEGREES", help="In a CAD file, keep tangent planes within this.")
-@click.option(
-    "--g2-tolerance",
-    callback=reads(lambda text: percentage(text) / 100),
-    default="1%",
-    show_default=True,
-    metavar="PERCENT",
-    help="With g2, the largest difference of curvatures, of the neighbours' largest.",
+@option("--tolerance T", length_of)(help="In a CAD file, fit within this distance (1e-4 of the size).")
+@option("--angle DEGREES", length_of)(help="In a CAD file, keep tangent planes within this.")
+@option("--g2-tolerance PERCENT", lambda text: percentage(text) / 100, default="1%", show_default=True)(
+    help="With g2, the largest difference of curvatures, of the neighbours' largest."
 )
-@click.option("--long", "is_long", is_flag=True, help="Say all that was measured, of each side and corner.")
+@option("--long", bool, into="is_long")(help="Say all that was measured, of each side and corner.")
 @weld_option
 @json_option
 @streams_options
