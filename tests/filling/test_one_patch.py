@@ -530,7 +530,8 @@ def test_of_patches_without_faults_the_one_with_the_best_score_is_taken():
     scored = (29, [9], 0), (29, [9, 8], 1), (29, [7, 8], 0), (31, [9, 8, 7, 6, 5], 4), (2001, [9, 8, 7, 6, 5], 3)
     for last, scores, taken in scored:
         sharp = [31] * (len(scores) - 1) + [last]
-        attempts = [one_patch._Attempt(0, x, False, 0, 0, (k,), None, (), (), sharp[k]) for k, x in enumerate(scores)]
+        measured = [lambda most=most: ((), (), most) for most in sharp]
+        attempts = [one_patch._Attempt(0, x, False, 0, 0, (k,), None, measured[k]) for k, x in enumerate(scores)]
         made, tried = iter(attempts), []
         assert one_patch._best(lambda *plan, t=tried, m=made: t.append(plan[:2]) or next(m), plans).raises == (taken,)
         assert tried == [plans[k] for k in (0, 3, 5, 2, 4)[: len(scores)]]  # those with single fields first
