@@ -125,8 +125,9 @@ class Scene:
         labels = {number: names[k] if uses[names[k]] == 1 else k for k, (number, *_) in enumerate(self.placed)}
         self._marks |= {("nodes", number): label for number, label in labels.items()}
         are_posed = len(scenes) > 1 or self.tree.get("skins") or self.tree.get("animations")  # their places count
-        has_several, path = sum("mesh" not in nodes[number] for number in labels) > 1, list[Any]([None])
-        shown, of_nodes = set[int](), []
+        shown, of_nodes, path = set[int](), [], list[Any]([None])  # of names, without that of a root that holds all
+        has_root = sum(depth == 0 for _, depth, _ in self.placed) == 1
+        are_several = sum("mesh" in nodes[number] for number in labels) > 1
         for number, depth, place in self.placed:
             node, rest = nodes[number], list[dict[str, Any]]()
             said = without(node, {"mesh"} if are_posed else placing)
@@ -134,15 +135,15 @@ class Scene:
                 shown.add(_index(node["mesh"]))
                 mesh = meshes[_index(node["mesh"])]
                 rest = [each if each.get("mode") == 0 else without(each, drawing) for each in mesh["primitives"]]
-                said["mesh"] = without(mesh, {"name"}) | {"primitives": rest}
+                has_own = are_several and "name" in node and mesh.get("name") != node["name"]
+                said["mesh"] = without(mesh, set() if has_own else {"name"}) | {"primitives": rest}
             is_lone = "mesh" not in node and (said or not node.get("children"))  # as a camera is
             if is_lone or any("attributes" in each for each in rest):  # of points
                 size = np.abs(place).max() or 1.0
                 said["place"] = [*(np.round(place / size, 6) + 0.0).ravel().tolist(), float(f"{size:.6g}")]
-            path[depth + 1 :] = [mark_of(f"{path[depth]} {node['name']}") if "name" in node else path[depth]]
-            if has_several:
-                said["path"] = path[depth + ("mesh" not in node)]
-            if told := self._told(said):
+            counts = "mesh" in node or ("name" in node and not (has_root and depth == 0))
+            path[depth + 1 :] = [mark_of(f"{path[depth]} {node.get('name')}") if counts else path[depth]]
+            if told := self._told(said | {"path": path[depth]} if "mesh" in node or is_lone else said):
                 of_nodes.append(told | {"node": labels[number]})
         found = {name: self.tree.get(name) for name in ("skins", "animations", "cameras", "extensions", "extras")}
         extras = self.asset.get("extras")
