@@ -253,7 +253,6 @@ class _Reader:
             link = given["objectid"], matrix, "" if given.get("printable", "1") in ("1", "true") else "not printed\n"
             (self.items if name == "item" else self.components[self.id]).append(link)
             self.note(f"{name} {len(self.items)}", given, *_KNOWN)
-            self.extensions.update((self.meshes[self.id].name if name == "component" else "").encode())
         elif name in _PLAIN:
             self.note(name, given, "xmlns")
         elif name != "metadata" or given.get("name") not in ("CreationDate", "ModificationDate", "Application"):
@@ -272,14 +271,14 @@ class _Reader:
         if told or not known:
             self.extensions.update(f"{name} {told}".encode())
 
-    def placed(self) -> Iterator[tuple[_Mesh, FloatArray, str, str]]:
-        """Yield the objects that are built with their places, numbers, and what else is said of them."""
+    def placed(self) -> Iterator[tuple[_Mesh, FloatArray, str, str, str]]:
+        """Yield the objects that are built: with places, numbers, what else is said, and the assemblies they are in."""
         effort, change = 10_000, 250  # numbers that take as long as an object without any, and one more material
         most = 50_000_000 + change * sum(len(mesh.parts) for mesh in self.meshes.values())  # few bytes may name many
         order = {key: number for number, key in enumerate(self.meshes)}
-        used, stack = 0, [(*item, len(order)) for item in reversed(self.items)]
+        used, stack = 0, [(*item, len(order), "") for item in reversed(self.items)]
         while stack:
-            key, place, said, above = stack.pop()
+            key, place, said, above, path = stack.pop()
             if order[key] >= above:  # an object names only earlier ones
                 raise GtbError(f"object {key!r:.40} is not before the object that refers to it")
             mesh = self.meshes[key]
@@ -287,20 +286,22 @@ class _Reader:
             if used > most:
                 raise GtbError(f"has more than {most} numbers, or changes of material, in all objects together")
             said += mesh.kind * (len(self.kinds) > 1)  # a kind of all stands in what the file says
-            yield mesh, place, f"{order[key] + 1}", said
-            inner = reversed(self.components[key])
-            stack += [(link, motion @ place, said + more, order[key]) for link, motion, more in inner]
+            number, inner = f"{order[key] + 1}", self.components[key]
+            yield mesh, place, number, said, path
+            if inner and (mesh.name or len(inner) > 1):  # no assembly is around one object
+                path = f"{mark_of(f'{path}/{mesh.name or number}')}"  # short
+            stack += [(link, motion @ place, said + more, order[key], path) for link, motion, more in reversed(inner)]
 
     def content(self) -> FileArrays:
         """Put the objects where they are built."""
         vertices, cells = [np.empty((0, 3))], [np.empty((0, 3), dtype=np.int64)]
         groups: list[tuple[str, int, int]] = []
-        ranges: dict[str, list[tuple[list[float], int, int]]] = {name: [] for name in (_LOOK, OBJECTS, _SPECIAL)}
+        ranges: dict[str, list[tuple[list[float], int, int]]] = {name: [] for name in (_LOOK, OBJECTS, *_PLACED)}
         built = [mesh for mesh, *_ in self.placed()]
         self.kinds = {mesh.kind for mesh in built}
         materials, named = set[str](), {mesh.name for mesh in built if len(mesh.corners)}
         count = rows = 0
-        for mesh, place, number, said in self.placed():
+        for mesh, place, number, *placed in self.placed():
             points = np.array(mesh.vertices, dtype=np.float64).reshape(-1, 3) @ place[:3, :3] + place[3, :3]
             found = np.array(mesh.corners).reshape(-1, 3)
             if len(wrong := found[(found < 0) | (found >= len(points))]):
@@ -319,7 +320,8 @@ class _Reader:
                 is_same = start and groups[-1][0] == name  # with other paint
                 groups.append((name, groups.pop()[1] if is_same else rows + start, rows + end))
                 ranges[_LOOK].append((row, rows + start, rows + end))
-            for label, text in ((_SPECIAL, said), (OBJECTS, mesh.name if len(named) > 1 and any(here) else "")):
+            own = mesh.name if len(named) > 1 and any(here) else ""
+            for label, text in zip((*_PLACED, OBJECTS), (*placed, own), strict=True):
                 ranges[label] += [(mark_of(text), rows, rows + len(found))] if text else []
             count, rows = count + len(points), rows + len(found)
         extensions = self.extensions.digest() if self.extensions.digest() != hashlib.sha256().digest() else b""
@@ -357,7 +359,7 @@ def _name_of(part: str) -> str:
     return posixpath.normpath("/" + unquote(part).lstrip("/")).lower()
 
 
-_LOOK, _SPECIAL = f"{MATERIALS}3MF", f"{OBJECTS} that are not printed, or support"
+_LOOK, _PLACED = f"{MATERIALS}3MF", (f"{OBJECTS} that are not printed, or support", f"{OBJECTS} in assemblies")
 # Elements and attributes of the core specification that say nothing of their own, or are read
 _PLAIN = ["resources", "build", "mesh", "vertices", "triangles", "components"]
 _KNOWN = ["objectid", "name", "type", "pid", "pindex", "transform", "printable", "thumbnail"]
