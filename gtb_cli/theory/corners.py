@@ -357,7 +357,6 @@ def corner_layer(
     ``ξ η`` and ``η (η − 1)`` give II without most of what is tangential: digits stay at all distances. Places are (2,
     …) rates q, of ways (1 / (1 + e^-q), 1 / (1 + e^q)), and logarithms of the largest term of P − V, of the edge.
     """
-    least = -746.0  # the exponential function of less is 0, and slow
     (q, far), (x, gaps, own) = at, exponents_at(domain, corner)
     b, logs = points - points[own], log_weights - log_weights[own]
     ends = [np.where(x[:, 1 - k] <= gaps[1 - k], x[:, k], 0).argmax() for k in (0, 1)]
@@ -372,9 +371,7 @@ def corner_layer(
     s = ((far.reshape(-1, 1) + math.log(edge) - leads) / (ways @ x[chain].T)).min(axis=1, keepdims=True) * ways
     s = np.maximum(s, -340 / np.where(x[chain] > gaps, x[chain], np.inf).min(axis=0))  # squares stay numbers
     order = np.argsort(-(s @ x[chain].T + leads), axis=1)[:, :2]
-    e = s @ x.T + logs
-    live = e > least
-    terms = np.exp(e * live) * live
+    terms = np.exp(s @ x.T + logs)
     parts, r = [], math.sqrt(2)
     for first, second in distinct(order).tolist():
         members = np.flatnonzero((order == (first, second)).all(axis=1))

@@ -256,5 +256,5 @@ def test_the_curvature_inside_is_that_a_hundredth_of_the_length_from_the_edge():
     grid = [[i, j] for i in range(4) for j in range(2)]
     cubic = Patch(grid, [[i / 3, j, float(i == 3)] for i, j in grid], coefficients=[1, 1, 3, 3, 3, 3, 1, 1])
     side = HoleSide("x = 0", np.array([[0.0, 1, 0, 1], [0, 0, 0, 1]]), bend=np.zeros(96))
-    found = contact_at(cubic, 1, side, np.tile([0.0, 0, 1], (96, 1)))
+    found = contact_at(cubic, 3, side, np.tile([0.0, 0, 1], (96, 1)))
     assert (found.bend, found.bend_inside) == pytest.approx((0, 0.06), rel=1e-2)
