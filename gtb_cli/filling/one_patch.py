@@ -27,7 +27,7 @@ from gtb_cli.filling.corner_equations import POINT
 from gtb_cli.filling.fairest import NEARER, VISIBLE, FairSearch
 from gtb_cli.filling.hole_corners import corners, end_normals, forced_curvatures
 from gtb_cli.filling.knots_and_weights import net
-from gtb_cli.filling.sides import HoleSide, edge_of, loop, side_normals
+from gtb_cli.filling.sides import HoleSide, loop, side_normals
 from gtb_cli.filling.spline_sides import single_curves
 from gtb_cli.filling.tangent_rows import EdgeRows, edge_rows
 from gtb_cli.knots.domain import domain
@@ -112,10 +112,9 @@ def fill_loop(
                 f"{side.name}: the nearest row of knots has curvatures {found.bend:.2g} off its neighbour's, "
                 f"{share:.1%} of the largest: `g2_tolerance` bounds it, and g1 asks for none"
             )
-    at = [edge_of(patch, k) for k in range(len(ordered))]
-    limits, turned = tuple(corner_limits(patch, edge) for edge in at), 0 if best.folds else best.sharp_turns
+    limits, turned = tuple(corner_limits(patch, k) for k in range(len(ordered))), 0 if best.folds else best.sharp_turns
     measured = bending.scaled(size), nearer.scaled(size), errors, contacts, corner_angles, limits
-    curved = tuple(np.array([curvature_near(best.patch, edge) for edge in at]) / size)
+    curved = tuple(np.array([curvature_near(best.patch, k) for k in range(len(ordered))]) / size)
     forced = tuple((forced_curvatures([side.curve for side in unit], normals)[0] / size).tolist())
     return Filling(patch, ordered, *measured, curved, forced, best.raises, best.folds, turned, tuple(remarks))
 

@@ -365,13 +365,13 @@ def corner_layer(
     chain = others[newton_polygon(x[others], gaps)]
     chain = chain[b[chain].any(axis=1)]
     if len(chain) < 2 or edge == 0:
-        return CornerLayer(edge, none := np.full(q.size, math.nan), none, b[:1], np.zeros((1, 3, len(b))))
+        none = np.full(q.size, math.nan)
+        return CornerLayer(edge, none, none, b[:1], np.zeros((1, 3, len(b))))
     ways, leads = 1 / (1 + np.exp(q.reshape(-1, 1) * [-1, 1])), logs[chain] + np.log(np.linalg.norm(b[chain], axis=1))
     s = ((far.reshape(-1, 1) + math.log(edge) - leads) / (ways @ x[chain].T)).min(axis=1, keepdims=True) * ways
     s = np.maximum(s, -340 / np.where(x[chain] > gaps, x[chain], np.inf).min(axis=0))  # squares stay numbers
     order = np.argsort(-(s @ x[chain].T + leads), axis=1)[:, :2]
-    heights = s @ x.T + logs
-    terms = np.exp(heights, where=heights > -746, out=np.zeros_like(heights))  # of less it is 0, and slow
+    terms = np.exp(s @ x.T + logs)
     parts, r = [], math.sqrt(2)
     for first, second in distinct(order).tolist():
         members = np.flatnonzero((order == (first, second)).all(axis=1))
