@@ -243,4 +243,4 @@ def test_lamp(mesh_regression, number):
     contents = {(folder / name).read_bytes() for name in files(folder)}
     assert (len(files(folder)), len(contents)) == (3, 1)
     ((status, text),) = runs(folder, test.replace("range(2)", "range(1)"), "run('-p', 'xdist', '-n', '1')")
-    assert (status, text.count("no test asked for the golden file")) == (0, 1)
+    assert (status, text.count("no test asked for the golden file test_")) == (0, 1)
