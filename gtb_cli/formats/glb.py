@@ -3,6 +3,7 @@
 import json
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
+from functools import cache, partial
 from typing import Any, TypeAlias
 from urllib.parse import unquote
 
@@ -116,6 +117,7 @@ def read_glb(data: bytes) -> FileArrays:
     others: dict[str, list[_Part]] = {}
     materials: list[tuple[list[float], int, int]] = []
     scene = Scene(tree, binary, len(data))
+    numbers_of, look_of = cache(partial(accessor_values, tree, binary)), cache(scene.material)
     count = rows = used = 0
     for mesh, name, place in scene.placed_meshes():
         before, starts = rows, dict[str, int]()  # of vertices, which primitives of a mesh may share
@@ -125,12 +127,12 @@ def read_glb(data: bytes) -> FileArrays:
                 raise GtbError(f"has more than {most} vertices and corners of cells in all nodes together")
             if (mode := primitive.get("mode", 4)) == 0:  # points
                 continue
-            positions = accessor_values(tree, binary, primitive["attributes"]["POSITION"])
+            positions = numbers_of(primitive["attributes"]["POSITION"])
             if positions.shape[1] != 3 or positions.dtype != SINGLE_FLOAT:
                 raise GtbError("POSITION: expected vectors of three 32-bit numbers")
             corners: NDArray[Any] = np.arange(len(positions))[:, None]
             if "indices" in primitive:
-                corners = accessor_values(tree, binary, primitive["indices"])
+                corners = numbers_of(primitive["indices"])
             if corners.shape[1] != 1 or corners.dtype.kind not in "iu":
                 raise GtbError("indices: expected whole numbers")
             start = starts.setdefault(str(primitive["attributes"]), count)
@@ -147,7 +149,7 @@ def read_glb(data: bytes) -> FileArrays:
                         others.setdefault(attribute, []).append((count, len(positions), number, place[:3, :3]))
                 count += len(positions)
             rows += len(found)
-            materials.append((scene.material(primitive.get("material")), rows - len(found), rows))
+            materials.append((look_of(primitive.get("material")), rows - len(found), rows))
         if (name := name or str(mesh.get("name", ""))) and rows > before:
             groups.append((name, before, rows))
     if cells[2] and cells[3]:

@@ -4,7 +4,6 @@ import json
 from collections import Counter
 from collections.abc import Iterator
 from contextlib import suppress
-from functools import partial
 from typing import Any
 
 import numpy as np
@@ -164,7 +163,7 @@ class Scene:
         unseen = [node for number, node in enumerate(nodes) if number not in labels]
         unseen += [mesh for number, mesh in enumerate(meshes) if number not in {key for key, _ in of_meshes}]
         for name, values in (("nodes", of_nodes), ("others", [*map(self._told, unseen)])):  # in any order
-            told |= {name: sorted(values, key=partial(json.dumps, sort_keys=True))} if values else {}
+            told |= {name: sorted(json.dumps(each, sort_keys=True) for each in values)} if values else {}
         if self._left <= 0:
             raise GtbError("has parts of its buffer that overlap, which would be more than four times the file")
         return mark_of(json.dumps(told, sort_keys=True)) if told else None
