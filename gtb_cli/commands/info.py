@@ -52,11 +52,8 @@ def info(request: ReportRequest, up: Up, solid: Recipe | None) -> None:
     or --radius they are those of the solid that gtb mesh makes with the same options, and so is the printed volume.
     """
     in_full = request.in_full
-    report = partial(_found, in_full=request.as_json or in_full, up=None if request.in_lines else up, solid=solid)
-    rows, errors = request.found(report, meshes=True)
-    request.write(rows, dict, _line, partial(_text, in_full=in_full), gap="\n")
-    if errors:
-        raise GtbError(*errors)
+    found = partial(_found, in_full=request.as_json or in_full, up=None if request.in_lines else up, solid=solid)
+    request.report(found, meshes=True, record=dict, line=_line, text=partial(_text, in_full=in_full), gap="\n")
 
 
 def _line(name: str, found: dict[str, Any]) -> str:
