@@ -237,7 +237,9 @@ def loop_of_five(kind: str) -> Filling:
     sides = random_sides(5, 0, (2, 3))
     if kind == "an edge only":
         sides[1] = HoleSide("edge", sides[1].curve)
-    return fill_loop([HoleSide(side.name, side.curve) for side in sides] if kind == "edges only" else sides)
+    return fill_loop(
+        [HoleSide(side.name, side.curve) for side in sides] if kind == "edges only" else sides, raises=ONCE
+    )
 
 
 @pytest.mark.parametrize("kind", mostly_long(["planes", "an edge only", "edges only"]))

@@ -474,7 +474,7 @@ def alternating(count: int) -> bytes:
     ("made", "message"),
     [
         (lambda: b"solid\nendsolid\n" * 20_000, "has no vertices"),
-        (lambda: turned(5_000), "is not finite"),
+        (lambda: turned(2_500), "is not finite"),
         (lambda: glb({"nodes": [*({"children": [k + 1] * 2} for k in range(30)), {}]}, b""), "in two places"),
         (lambda: ply("", *(f"element a{k} 1" for k in range(20_000)), *XYZ[:1]), "has no property x"),
         (lambda: alternating(20_000) + b"x", "has 1 bytes more"),

@@ -10,6 +10,7 @@ from gtb_cli.errors import SpecError
 from gtb_cli.language.keys_and_values import MAX_EXPRESSIONS
 from gtb_cli.language.loading import load, parse
 from gtb_cli.language.patch_reader import MAX_KNOTS, MAX_PATCHES, MAX_UNITY
+from tests.marks import mostly_long
 from tests.specs import BAD_SPECS, Case, bad_specs, quickly
 from tests.tools.judge import judge
 from tests.tools.mutations import mutation
@@ -66,12 +67,13 @@ def test_large_specs_are_judged_quickly(text: str, message: str) -> None:
         parse(text, "x")
 
 
-def test_changed_specs_are_patches_or_errors() -> None:
+@pytest.mark.parametrize("first", mostly_long([0, 100]))
+def test_changed_specs_are_patches_or_errors(first: int) -> None:
     good = 0
-    for number in range(200):
+    for number in range(first, first + 100):
         text, _ = mutation(random.Random(number))
         with quickly():
             assert judge("spec", text) is None, text
         with contextlib.suppress(SpecError):
             good += bool(parse(text, "x"))
-    assert 10 < good < 100  # the changes are neither all harmless nor all fatal
+    assert 5 < good < 50  # the changes are neither all harmless nor all fatal
