@@ -76,4 +76,4 @@ def test_changed_specs_are_patches_or_errors(first: int) -> None:
             assert judge("spec", text) is None, text
         with contextlib.suppress(SpecError):
             good += bool(parse(text, "x"))
-    assert 5 < good < 50  # the changes are neither all harmless nor all fatal
+    assert 0 < good < 50  # the changes are neither all harmless nor all fatal
