@@ -138,7 +138,7 @@ def _report_of(loaded: Spec, in_full: bool) -> dict[str, Any]:
 
 def _joints(model: Model, in_full: bool) -> dict[str, Any]:
     from gtb_cli.models.openings import near_misses
-    from gtb_cli.models.rings import wrong_rings
+    from gtb_cli.models.rings_of_copies import wrong_rings
     from gtb_cli.models.smoothness import bends
     from gtb_cli.theory.edges import edge_name
 

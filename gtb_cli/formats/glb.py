@@ -20,6 +20,7 @@ from gtb_cli.meshes.topology import compacted
 from gtb_cli.vocabulary import FORMATS, PATCH_COLOURS, UNITS, Up
 
 VERTICES, INDICES = 34962, 34963  # glTF's numbers for the content of a view of the buffer
+FREE = 20_000_000  # vertices and corners of cells that any file may stand for
 
 
 _Part: TypeAlias = tuple[int, int, object, FloatArray]  # first vertex, number of vertices, accessor, and turn
@@ -109,7 +110,7 @@ def read_glb(data: bytes) -> FileArrays:
     """Read a GLB file. Its y axis, glTF's vertical one, becomes z, unless the file states another vertical axis."""
     tree, binary = glb_chunks(data)
     # Many nodes may share one mesh: vertices and corners of cells are counted before they are made.
-    most = 2 * len(binary) + 20_000_000
+    most = 2 * len(binary) + FREE
     effort = 400  # vertices that take as long as a primitive without any
     vertices: list[FloatArray] = []
     cells: dict[int, list[NDArray[Any]]] = {2: [], 3: []}

@@ -33,6 +33,7 @@ from gtb_cli.vocabulary import PATCH_COLOURS
 UNIT_NAMES = {"mm": "millimeter", "cm": "centimeter", "m": "meter", "in": "inch", "ft": "foot"}  # the format's names
 MODEL, _LINKS = "3D/3dmodel.model", "_rels/.rels"  # the parts of the archive that hold the mesh, and what it is
 LARGEST = 1 << 31  # bytes of this part, which the archive counts with 32 bits
+FREE, MOST = 1 << 19, 100_000  # elements that any file may have; objects, materials and their uses that none exceeds
 
 
 def threemf_blocks(vertices: FloatArray, triangles: IntArray, groups: Ranges, name: str, unit: str) -> Iterable[bytes]:
@@ -147,7 +148,7 @@ class _Reader:
         if size > min(LARGEST, max(least, ratio * archive.start_dir)):
             raise GtbError(f"says that it holds more than {LARGEST >> 30} GB, or {ratio} times its packed size")
         self.gap = self.depth = self.named = self.foreign = 0  # depths but the first; the last is of an extension
-        self.left = (1 << 19) + model.compress_size // 2  # elements: each takes four bytes, or repeats
+        self.left = FREE + model.compress_size // 2  # elements: each takes four bytes, or repeats
         self.meshes: dict[str, _Mesh] = {}
         self.materials: dict[str | None, list[tuple[str, bytes]]] = {}
         self.components: dict[str, list[tuple[str, FloatArray, str]]] = {}
@@ -201,13 +202,13 @@ class _Reader:
         self.foreign *= self.foreign <= self.depth
 
     def start(self, name: str, given: dict[str, str]) -> None:
-        deepest, most = 32, 100_000  # elements within elements, and objects, materials and their uses
+        deepest = 32  # elements within elements
         name = name.rpartition(":")[2]
         self.depth, self.gap = self.depth + 1, True
         self.left -= 1
         self.named += name in ("object", "component", "item", "basematerials", "base", "colorgroup", "color")
-        if self.depth > deepest or self.named > most:
-            raise GtbError(f"has elements more than {deepest} deep, or more than {most} objects, materials and uses")
+        if self.depth > deepest or self.named > MOST:
+            raise GtbError(f"has elements more than {deepest} deep, or more than {MOST} objects, materials and uses")
         if self.left < 0:
             raise GtbError("has more elements than its bytes in the archive can hold")
         if "id" in given:

@@ -52,6 +52,12 @@ CUP = HERE / "cagd86.gbp"
 ONCE = 1  # raises of degrees where they are not what is tested: more of them take three times as long
 THREE = random_sides(3, 0)
 PLANES = 1e-9  # degrees between normals along filled edges and the given ones, away from the corners
+PLAIN = random_sides(3, 5, (3, 3))
+
+
+@pytest.fixture(scope="module")
+def plain() -> Filling:
+    return fill_loop(PLAIN, raises=ONCE)
 
 
 def largest_angle(filling: Filling, sides: list[HoleSide]) -> float:
@@ -184,7 +190,7 @@ def test_rational_sides_without_ribbons_stay_as_they_are():
 @pytest.mark.parametrize(
     ("n", "seed", "degrees", "kind"),
     [
-        *mostly_long([(n, seed, (1, 6), {}) for n, seed in ((3, 0), (3, 1), (3, 2), (4, 0), (4, 2), (5, 0))]),
+        *mostly_long([(n, seed, (1, 6), {}) for n, seed in ((3, 0), (3, 1), (3, 2), (4, 0), (4, 2), (5, 0))], 0),
         *mostly_long([(12, 0, (1, 3), {"noise": 0.01})], quick=0),
         *mostly_long([(n, 1, (2, 4), {"rational": True}) for n in (3, 4, 6)], quick=1),
         *mostly_long([(4, 2, (degree, degree), {}) for degree in (1, 10)], quick=0),
@@ -194,19 +200,6 @@ def test_loops_of_all_kinds_are_filled(n, seed, degrees, kind):
     """Different degrees, many sides with quiet planes, rational sides, high and low degrees."""
     sides = random_sides(n, seed, degrees, **kind)
     assert_fills(fill_loop(sides, raises=None if degrees[0] == 1 else ONCE), sides)
-
-
-def test_at_corners_the_normal_is_that_of_the_sides():
-    sides = random_sides(3, 3, (2, 3))
-    filling = fill_loop(sides, raises=ONCE)
-    patch = filling.patch
-    normals = patch.normals(patch.domain.vertices)
-    for k, side in enumerate(filling.sides):
-        before = filling.sides[k - 1].curve
-        first, last = side.curve[1, :3] / side.curve[1, 3], before[-2, :3] / before[-2, 3]
-        expected = np.cross(first - side.ends[0], last - side.ends[0])
-        np.testing.assert_allclose(normals[k], expected / np.linalg.norm(expected), atol=1e-9)
-    assert np.nanmax(filling.corner_angles) < 1e-6
 
 
 def test_planes_at_ends_are_those_of_a_ribbon_that_turns_or_vanishes_there():
@@ -247,7 +240,9 @@ def loop_of_five(kind: str) -> Filling:
     sides = random_sides(5, 0, (2, 3))
     if kind == "an edge only":
         sides[1] = HoleSide("edge", sides[1].curve)
-    return fill_loop([HoleSide(side.name, side.curve) for side in sides] if kind == "edges only" else sides)
+    return fill_loop(
+        [HoleSide(side.name, side.curve) for side in sides] if kind == "edges only" else sides, raises=ONCE
+    )
 
 
 @pytest.mark.parametrize("kind", mostly_long(["planes", "an edge only", "edges only"]))
@@ -391,10 +386,13 @@ def test_sharp_surfaces_are_made_again_while_no_figure_rises(scores, figure, tak
         assert [one.points for one in search._again(*search.scored(0), lambda _, m=made: next(m))] == kept
 
 
-@pytest.mark.parametrize(("seed", "place"), mostly_long([(2, [-0.800, 0.109, -0.008]), (5, [0.979, 0.140, -0.317])]))
-def test_figures_of_the_certificate_are_as_near_as_it_says(seed, place):
+@pytest.mark.parametrize(
+    ("seed", "place"),
+    mostly_long([(None, [-0.245, -0.477, -0.229]), (2, [-0.800, 0.109, -0.008]), (5, [0.979, 0.140, -0.317])]),
+)
+def test_figures_of_the_certificate_are_as_near_as_it_says(seed, place, plain):
     """Differences of quadratures in two triangles cancel: of variation in the second loop, they are a tenth for .26."""
-    filling = fill_loop(random_sides(3, seed))
+    filling = fill_loop(random_sides(3, seed)) if seed else plain
     (bent,), _, zones = agreed(filling.patch, [filling.patch.control_points], (72, 108))
     for told, errors, fine in zip((filling.bending, filling.bending_nearer), filling.bending_errors, bent, strict=True):
         off = np.array([told.energy / fine.energy, told.variation / fine.variation]) - 1
@@ -469,7 +467,9 @@ def test_at_smooth_corners_the_patch_does_not_fold():
     assert max(corner_limits(filling.patch, corner).curvature for corner in range(6)) < 30
 
 
-@pytest.mark.parametrize(("inner", "folded"), [([0.3, 0.3, 0], False), ([-1, 0.5, 0], True), ([0.5, -1, 0], True)])
+@pytest.mark.parametrize(
+    ("inner", "folded"), mostly_long([([0.3, 0.3, 0], False), ([-1, 0.5, 0], True), ([0.5, -1, 0], True)], 2)
+)
 def test_corners_with_folds_are_faults(inner, folded, monkeypatch):
     """The ways from the corner (0, 0) to its three first control points turn one way, or back."""
     points = np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0], inner])
@@ -533,7 +533,7 @@ def test_of_patches_without_faults_the_one_with_the_best_score_is_taken():
         assert tried == [plans[k] for k in (0, 3, 5, 2, 4)[: len(scores)]]  # those with single fields first
 
 
-def test_corners_where_ribbons_disagree_are_said():
+def test_at_corners_the_normal_is_that_of_the_sides_and_ribbons_that_disagree_are_said():
     sides = random_sides(4, 4, (2, 3))
     turned = HoleSide("side 0", sides[0].curve, sides[0].across + np.array([0, 0, 0.5]))
     filling = fill_loop([turned, *sides[1:]], raises=ONCE)
@@ -543,14 +543,12 @@ def test_corners_where_ribbons_disagree_are_said():
     angles = np.array([limits.angle for limits in filling.corners])
     assert (angles[:2] >= filling.corner_angles[:2] * (1 - 1e-9)).all()
     assert (angles[2:] < 1e-6).all()
-
-
-PLAIN = random_sides(3, 5, (3, 3))
-
-
-@pytest.fixture(scope="module")
-def plain() -> Filling:
-    return fill_loop(PLAIN, raises=ONCE)
+    normals = filling.patch.normals(filling.patch.domain.vertices)
+    for k, side in [*enumerate(filling.sides)][2:]:
+        before = filling.sides[k - 1].curve
+        first, last = side.curve[1, :3] / side.curve[1, 3], before[-2, :3] / before[-2, 3]
+        expected = np.cross(first - side.ends[0], last - side.ends[0])
+        np.testing.assert_allclose(normals[k], expected / np.linalg.norm(expected), atol=1e-9)
 
 
 @pytest.mark.parametrize(("scale", "shift"), mostly_long([(1e-9, 0.0), (1.0, 1e7), (1e-200, 0.0), (1e9, 0.0)]))
@@ -781,7 +779,7 @@ def test_a_loop_may_have_names_copies_and_included_files(tmp_path):
     loop = tmp_path / "loop.toml"
     turned = "[[patches]]\ncopy = 'side'\nrepeat = 3\nrotate = {axis = 'z', degrees = '90*k'}\n"
     loop.write_text(f"name = 'square'\ninclude = ['side.toml']\n{turned}", encoding="utf-8")
-    assert 'name = "square"' in gtb("fill", loop, "--elevate", ONCE, status=0).text
+    assert 'name = "square"' in gtb("fill", loop, "--continuity", "g0", status=0).text
     found, _ = read_loop(loop.read_bytes(), str(loop), weld=0.25)
     assert {side.weld for side in found} == {0.25}
     corners = [[1, -1, 0], [1, 1, 0], [-1, 1, 0], [-1, -1, 0], [1, -1, 0]]
@@ -914,7 +912,7 @@ def smooth_curves(n: int, height: float) -> list[HoleSide]:
 
 @pytest.mark.parametrize(("n", "height"), mostly_long([(5, 0.0), (4, 0.2), (6, 0.3)]))
 def test_rows_without_planes_begin_inside_smooth_corners(n, height):
-    filling = fill_loop(smooth_curves(n, height))
+    filling = fill_loop(smooth_curves(n, height), raises=0)
     assert max(corner.angle for corner in filling.corners) < 1e-3
     limits = np.array([corner.normal for corner in filling.corners])
     vertices = filling.patch.domain.vertices

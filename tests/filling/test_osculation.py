@@ -88,7 +88,7 @@ def assert_osculates(filling: Filling, found: Strips) -> None:
     assert filling.folds == 0
 
 
-STRIPS = [(3, 2, 0), (4, 2, 0), (3, 2, None), (4, 3, 0), (6, 1, 0)]
+STRIPS = [(4, 2, 0), (3, 2, 0), (3, 2, None), (4, 3, 0), (6, 1, 0)]
 
 
 @pytest.mark.parametrize(("n", "degree", "raises"), mostly_long(STRIPS))

@@ -21,7 +21,7 @@ from tests.specs import load
 from tests.surfaces import box
 
 CASES = [
-    ("pentagon", Recipe(4, thickness=-0.1), ["-n", "4", "--thickness=-0.1"]),
+    ("pentagon", Recipe(2, thickness=-0.1), ["-n", "2", "--thickness=-0.1"]),
     ("example-3.1", Recipe(8, radius=0.05), ["-n", "8", "--radius", "0.05"]),
     ("pentagon", Recipe(tolerance="5%"), ["--tolerance", "5%"]),
     (
