@@ -139,6 +139,7 @@ def _report_of(loaded: Spec, in_full: bool) -> dict[str, Any]:
 
 def _joints(model: Model, in_full: bool) -> dict[str, Any]:
     from gtb_cli.models.openings import near_misses
+    from gtb_cli.models.rings_of_copies import wrong_rings
     from gtb_cli.models.smoothness import bends
     from gtb_cli.theory.edges import edge_name
 
@@ -153,7 +154,8 @@ def _joints(model: Model, in_full: bool) -> dict[str, Any]:
         "almost_shared_edges": [
             {"edges": [name(first), name(second)], "distance": distance} for first, second, distance in joints.almost
         ],
-        "not_joined": [
+        "not_joined": wrong_rings(model.patches, model.weld)
+        or [
             f"{name(first)}: {in_options(reason).format(name(second))}"
             for first, second, reason in near_misses(joints, model.patches)
         ],

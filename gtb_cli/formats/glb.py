@@ -3,6 +3,7 @@
 import json
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
+from functools import cache, partial
 from typing import Any, TypeAlias
 from urllib.parse import unquote
 
@@ -19,6 +20,7 @@ from gtb_cli.meshes.topology import compacted
 from gtb_cli.vocabulary import FORMATS, PATCH_COLOURS, UNITS, Up
 
 VERTICES, INDICES = 34962, 34963  # glTF's numbers for the content of a view of the buffer
+FREE = 20_000_000  # vertices and corners of cells that any file may stand for
 
 
 _Part: TypeAlias = tuple[int, int, object, FloatArray]  # first vertex, number of vertices, accessor, and turn
@@ -108,7 +110,7 @@ def read_glb(data: bytes) -> FileArrays:
     """Read a GLB file. Its y axis, glTF's vertical one, becomes z, unless the file states another vertical axis."""
     tree, binary = glb_chunks(data)
     # Many nodes may share one mesh: vertices and corners of cells are counted before they are made.
-    most = 2 * len(binary) + 20_000_000
+    most = 2 * len(binary) + FREE
     effort = 400  # vertices that take as long as a primitive without any
     vertices: list[FloatArray] = []
     cells: dict[int, list[NDArray[Any]]] = {2: [], 3: []}
@@ -116,6 +118,7 @@ def read_glb(data: bytes) -> FileArrays:
     others: dict[str, list[_Part]] = {}
     materials: list[tuple[list[float], int, int]] = []
     scene = Scene(tree, binary, len(data))
+    numbers_of, look_of = cache(partial(accessor_values, tree, binary)), cache(scene.material)
     count = rows = used = 0
     for mesh, name, place in scene.placed_meshes():
         before, starts = rows, dict[str, int]()  # of vertices, which primitives of a mesh may share
@@ -125,12 +128,12 @@ def read_glb(data: bytes) -> FileArrays:
                 raise GtbError(f"has more than {most} vertices and corners of cells in all nodes together")
             if (mode := primitive.get("mode", 4)) == 0:  # points
                 continue
-            positions = accessor_values(tree, binary, primitive["attributes"]["POSITION"])
+            positions = numbers_of(primitive["attributes"]["POSITION"])
             if positions.shape[1] != 3 or positions.dtype != SINGLE_FLOAT:
                 raise GtbError("POSITION: expected vectors of three 32-bit numbers")
             corners: NDArray[Any] = np.arange(len(positions))[:, None]
             if "indices" in primitive:
-                corners = accessor_values(tree, binary, primitive["indices"])
+                corners = numbers_of(primitive["indices"])
             if corners.shape[1] != 1 or corners.dtype.kind not in "iu":
                 raise GtbError("indices: expected whole numbers")
             start = starts.setdefault(str(primitive["attributes"]), count)
@@ -147,7 +150,7 @@ def read_glb(data: bytes) -> FileArrays:
                         others.setdefault(attribute, []).append((count, len(positions), number, place[:3, :3]))
                 count += len(positions)
             rows += len(found)
-            materials.append((scene.material(primitive.get("material")), rows - len(found), rows))
+            materials.append((look_of(primitive.get("material")), rows - len(found), rows))
         if (name := name or str(mesh.get("name", ""))) and rows > before:
             groups.append((name, before, rows))
     if cells[2] and cells[3]:

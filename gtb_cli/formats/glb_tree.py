@@ -4,7 +4,6 @@ import json
 from collections import Counter
 from collections.abc import Iterator
 from contextlib import suppress
-from functools import partial
 from typing import Any
 
 import numpy as np
@@ -125,29 +124,32 @@ class Scene:
         labels = {number: names[k] if uses[names[k]] == 1 else k for k, (number, *_) in enumerate(self.placed)}
         self._marks |= {("nodes", number): label for number, label in labels.items()}
         are_posed = len(scenes) > 1 or self.tree.get("skins") or self.tree.get("animations")  # their places count
-        has_several, path = sum("mesh" not in nodes[number] for number in labels) > 1, list[Any]([None])
-        of_meshes, of_nodes = dict[int, tuple[Any, bool]](), []  # marks, and whether they have points
+        has_root = sum(depth == 0 for _, depth, _ in self.placed) == 1
+        are_several = sum("mesh" in nodes[number] for number in labels) > 1
+        of_meshes, of_nodes = dict[tuple[int, bool], tuple[Any, bool]](), []  # marks, and whether they have points
+        path = list[Any]([None])  # of names, without that of a root that holds all
         least = 1e-9 * max((np.abs(place[:3, 3]).max() for *_, place in self.placed), default=0.0)
         for number, depth, place in self.placed:
             node, has_place = nodes[number], False
             said = without(node, {"mesh"} if are_posed else placing)
             if "mesh" in node:
-                if (key := _index(node["mesh"])) not in of_meshes:  # many nodes may share it
-                    mesh = meshes[key]
+                mesh = meshes[key := _index(node["mesh"])]
+                has_own = are_several and "name" in node and mesh.get("name") != node["name"]
+                if (key, has_own) not in of_meshes:  # many nodes may share it
                     rest = [each if each.get("mode") == 0 else without(each, drawing) for each in mesh["primitives"]]
-                    told = self._told(without(mesh, {"name"}) | {"primitives": rest}, "mesh")
+                    told = self._told(without(mesh, set() if has_own else {"name"}) | {"primitives": rest}, "mesh")
                     mark = mark_of(json.dumps(told, sort_keys=True)) if told else None
-                    of_meshes[key] = mark, any("attributes" in each for each in rest)
-                said["mesh"], has_place = of_meshes[key]
-            if has_place or ("mesh" not in node and (said or not node.get("children"))):  # as a camera is
+                    of_meshes[key, has_own] = mark, any("attributes" in each for each in rest)
+                said["mesh"], has_place = of_meshes[key, has_own]
+            is_lone = "mesh" not in node and (said or not node.get("children"))  # as a camera is
+            if has_place or is_lone:
                 said["place"] = []
                 for part, low in ((place[:3, :3], 0.0), (place[:3, 3], least)):  # rounding is not a shift
                     size = largest if (largest := np.abs(part).max()) > low else np.inf
                     said["place"] += [*(np.round(part / size, 6) + 0.0).ravel().tolist(), float(f"{size:.7g}")]
-            path[depth + 1 :] = [mark_of(f"{path[depth]} {node['name']}") if "name" in node else path[depth]]
-            if has_several:
-                said["path"] = path[depth + ("mesh" not in node)]
-            if told := self._told(said):
+            counts = "mesh" in node or ("name" in node and not (has_root and depth == 0))
+            path[depth + 1 :] = [mark_of(f"{path[depth]} {node.get('name')}") if counts else path[depth]]
+            if told := self._told(said | {"path": path[depth]} if "mesh" in node or is_lone else said):
                 of_nodes.append(told | {"node": labels[number]})
         found = {name: self.tree.get(name) for name in ("skins", "animations", "cameras", "extensions", "extras")}
         extras = self.asset.get("extras")
@@ -159,9 +161,9 @@ class Scene:
         found["scenes"] = scenes if len(scenes) > 1 else [without(scene, {"nodes", "name"}) for scene in scenes]
         told = self._told(found)
         unseen = [node for number, node in enumerate(nodes) if number not in labels]
-        unseen += [mesh for number, mesh in enumerate(meshes) if number not in of_meshes]
+        unseen += [mesh for number, mesh in enumerate(meshes) if number not in {key for key, _ in of_meshes}]
         for name, values in (("nodes", of_nodes), ("others", [*map(self._told, unseen)])):  # in any order
-            told |= {name: sorted(values, key=partial(json.dumps, sort_keys=True))} if values else {}
+            told |= {name: sorted(json.dumps(each, sort_keys=True) for each in values)} if values else {}
         if self._left <= 0:
             raise GtbError("has parts of its buffer that overlap, which would be more than four times the file")
         return mark_of(json.dumps(told, sort_keys=True)) if told else None

@@ -1,4 +1,4 @@
-"""Crossings of a mesh with itself: pairs of triangles that pass through each other or lie upon each other."""
+"""Pairs of triangles of a mesh that pass through each other or lie upon each other; how that is said: `solidity`."""
 
 from collections.abc import Iterator
 

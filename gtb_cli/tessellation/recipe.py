@@ -1,4 +1,4 @@
-"""`Recipe`: how fine a mesh is, as a tube or solid, with which attributes, and what it must be; light to import."""
+"""`Recipe`: the options of a mesh in one value, and the mesh they make; how fine: `tessellate`. Light to import."""
 
 from __future__ import annotations
 

@@ -192,7 +192,7 @@ def in_the_background():
 
 @pytest.mark.usefixtures("in_the_background")
 @pytest.mark.parametrize(
-    ("number", "status"), mostly_long([(signal.SIGINT, 130), (signal.SIGTERM, 143), (signal.SIGHUP, 129)])
+    ("number", "status"), mostly_long([(signal.SIGINT, 130), (signal.SIGTERM, 143), (signal.SIGHUP, 129)], 0)
 )
 def test_a_stopped_process_leaves_no_traces(number, status, start, tmp_path):
     (tmp_path / "x.obj").write_text("old", encoding="utf-8")
@@ -247,6 +247,14 @@ def test_a_first_approval_that_is_stopped_leaves_no_new_folder(tmp_path):
     (tmp_path / "out" / "x.txt").write_text("new", encoding="utf-8")
     done = run_process([sys.executable, "-c", STOPPED_WITH_A_FOLDER, "approve", "golden", "out"], tmp_path)
     assert (done.status, names(tmp_path)) == (128 + signal.SIGTERM, ["out"])
+
+
+def test_a_process_that_is_stopped_before_its_file_has_its_name_leaves_no_traces(tmp_path):
+    (tmp_path / "x.obj").write_text("old", encoding="utf-8")
+    stopped = STOPPED_WITH_A_FOLDER.replace("mkdir", "fsync")
+    done = run_process([sys.executable, "-c", stopped, "mesh", PENTAGON, "-n", "2", "-o", "x.obj", "-q"], tmp_path)
+    assert (done.status, done.err, names(tmp_path)) == (128 + signal.SIGTERM, "", ["x.obj"])
+    assert (tmp_path / "x.obj").read_text(encoding="utf-8") == "old"
 
 
 def test_what_changes_while_it_is_compared_is_not_taken_over(tmp_path, monkeypatch):

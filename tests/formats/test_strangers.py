@@ -14,13 +14,14 @@ import numpy as np
 import pytest
 
 from gtb_cli import GtbError
-from gtb_cli.formats import glb_tree
+from gtb_cli.formats import glb as glb_room, glb_tree
 from gtb_cli.formats.file_arrays import mark_of
 from gtb_cli.formats.meshfiles import decode_mesh
 from gtb_cli.meshes.difference import difference
 from gtb_cli.meshes.mesh import KnownMesh
 from tests.formats.test_meshfiles import glb
 from tests.formats.test_threemf import TRIANGLE, archive
+from tests.marks import mostly_long
 
 POINTS, BYTES = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0]], dtype="<f4"), bytes([255, 0, 0, 255] * 3)
 MATERIAL = {"name": "red", "pbrMetallicRoughness": {"baseColorFactor": [1, 0, 0, 1]}}
@@ -82,15 +83,20 @@ def test_what_is_said_of_files_of_others(kind, one, other, said):
     assert [each.startswith(said) for each in faults] == [True] * bool(said), faults
 
 
+@pytest.mark.parametrize("share", mostly_long([0.1, 1]))
+def test_attributes_of_glb_count_in_each_node(share, monkeypatch):
+    monkeypatch.setattr(glb_room, "FREE", int(share**2 * glb_room.FREE))
+    tree = copy.deepcopy(TREE)
+    tree["meshes"][0]["primitives"][0]["attributes"] |= {f"_{k}": 2 for k in range(int(share * 2000))}
+    tree["nodes"] += [{"mesh": 0} for _ in range(int(share * 2000))]
+    with pytest.raises(GtbError, match="has more than 2"):
+        decode_mesh(glb(tree, BINARY), "a")
+
+
 def test_few_bytes_of_glb_or_3mf_cannot_stand_for_many():
     many = {f"HELD._{k}": 2 for k in range(9)} | {"accessors.2.count": 10**9}
     with pytest.raises(GtbError, match="1000000000 rows for 3 vertices"):
         edited(**many).values()
-    tree = copy.deepcopy(TREE)
-    tree["meshes"][0]["primitives"][0]["attributes"] |= {f"_{k}": 2 for k in range(2000)}
-    tree["nodes"] += [{"mesh": 0} for _ in range(2000)]
-    with pytest.raises(GtbError, match="has more than 2"):
-        decode_mesh(glb(tree, BINARY), "a")
     tree = copy.deepcopy(TREE)
     tree["nodes"] += [{"mesh": 0, "name": f"{k}\ud800"} for k in range(1000)]  # not many for what they are
     assert len(decode_mesh(glb(tree, BINARY), "a").values()) == 3

@@ -10,6 +10,7 @@ from gtb_cli.errors import SpecError
 from gtb_cli.language.keys_and_values import MAX_EXPRESSIONS
 from gtb_cli.language.loading import load, parse
 from gtb_cli.language.patch_reader import MAX_KNOTS, MAX_PATCHES, MAX_UNITY
+from tests.marks import mostly_long
 from tests.specs import BAD_SPECS, Case, bad_specs, quickly
 from tests.tools.judge import judge
 from tests.tools.mutations import mutation
@@ -50,13 +51,13 @@ def test_every_bad_spec_is_in_the_table() -> None:
             "coefficients: binomial goes up to degree 1029, got 1030",
         ),
         (
-            "knots = [" + ", ".join(f"'{i}{' + 1' * 50}'" for i in range(2000)) + "]\n",
+            "knots = [" + ", ".join(f"'{i}{' ' * 200}'" for i in range(2000)) + "]\n",
             f"expressions may have {MAX_EXPRESSIONS} characters together, write others as numbers",
         ),
         ("knots = [" + "'sqrt(-1)', " * 5_000 + "]\n", "sqrt(-1) is not a finite real number"),
-        ("".join(f"k{i} = 1\n" for i in range(30_000)), "k0: is not a key of a spec"),
+        ("".join(f"k{i} = 1\n" for i in range(10_000)), "k0: is not a key of a spec"),
         ("[[patches]]\n" * 900, "patches[0].knots: is missing"),
-        ("{" + ", ".join(f'"k{i % 9}": {{"a": 1}}' for i in range(10_000)) + "}", "k0: is given twice"),
+        ("{" + ", ".join(f'"k{i % 9}": {{"a": 1}}' for i in range(4_000)) + "}", "k0: is given twice"),
         ("knots = [" + "[], " * 5_000 + "]\n", "knots[0]: must be a list of 2 coordinates, got a list of 0"),
     ],
     ids=lambda value: value[:20],
@@ -66,12 +67,13 @@ def test_large_specs_are_judged_quickly(text: str, message: str) -> None:
         parse(text, "x")
 
 
-def test_changed_specs_are_patches_or_errors() -> None:
+@pytest.mark.parametrize("first", mostly_long([0, 100]))
+def test_changed_specs_are_patches_or_errors(first: int) -> None:
     good = 0
-    for number in range(200):
+    for number in range(first, first + 100):
         text, _ = mutation(random.Random(number))
         with quickly():
             assert judge("spec", text) is None, text
         with contextlib.suppress(SpecError):
             good += bool(parse(text, "x"))
-    assert 10 < good < 100  # the changes are neither all harmless nor all fatal
+    assert 0 < good < 50  # the changes are neither all harmless nor all fatal

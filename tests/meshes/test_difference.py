@@ -10,7 +10,10 @@ import pytest
 from gtb_cli.formats.meshfiles import decode_mesh
 from gtb_cli.meshes.difference import DEFAULT_TOLERANCE, difference
 from gtb_cli.meshes.mesh import KnownMesh, Mesh, known_exactly
+from gtb_cli.meshes.nearest import NearestCells
+from gtb_cli.solids.wall_depth import wall_of_faces
 from tests.marks import mostly_long
+from tests.solids.test_wall_depth import CUBE
 from tests.tiny_meshes import curve, encoded, model, plane, surface
 
 RNG = np.random.default_rng(3)
@@ -363,3 +366,16 @@ def test_faces_that_are_there_twice_have_no_order(left_out):
     for one, other in itertools.product(itertools.combinations_with_replacement(kinds, 2), read):
         if sorted(one) <= sorted(other):  # else they are those of a former step, the other way round
             assert difference(read[one], read[other]).same == (sorted(one) == sorted(other)), (one, other)
+
+
+def test_among_crowded_faces_a_bounded_number_of_points_is_searched_for(monkeypatch):
+    needles = np.random.default_rng(0).normal(size=(300, 1, 3)) * np.array([[1], [-1], [0.99]])
+    assert 15_000 < NearestCells(needles).most_points < 20_000 < NearestCells(CUBE.vertices[CUBE.cells]).most_points
+    searched, search, mesh = list[int](), NearestCells.search, surface(4)
+    monkeypatch.setattr(NearestCells, "most_points", 9)
+    monkeypatch.setattr(NearestCells, "search", lambda *given: searched.append(len(given[1])) or search(*given))
+    moved = Mesh(mesh.vertices + np.array([0, 0, 1e-3]), mesh.cells)
+    found = difference(known_exactly(mesh), known_exactly(split(moved, 2)), 0.01, kind="surface")
+    assert "as too many long ones lie across each other" in found.uncompared[-1]
+    assert 0 < max(searched) <= 9
+    assert wall_of_faces(CUBE) is None

@@ -110,7 +110,7 @@ def pairs() -> dict[str, tuple[Mesh, Mesh]]:
     }
 
 
-PAIRS = ["different", "curves", "pentagon", "bent", "parametrizations", "hole", "soup", "curve and surface"]
+PAIRS = ["different", "curves", "bent", "pentagon", "parametrizations", "hole", "soup", "curve and surface"]
 
 
 @pytest.mark.parametrize("name", mostly_long(PAIRS, 3))

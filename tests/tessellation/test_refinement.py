@@ -79,7 +79,7 @@ HARD = {
 }
 
 
-def largest_distance(shape: Patch, mesh: Mesh, samples: int = 30_000) -> float:
+def largest_distance(shape: Patch, mesh: Mesh, samples: int = 10_000) -> float:
     """From random points of the surface to the cells in whose parameters they lie: no less than to the mesh."""
     rng = np.random.default_rng(7)
     each = max(3, samples // len(mesh.cells))

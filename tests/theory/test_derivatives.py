@@ -190,7 +190,9 @@ def test_derivatives_follow_units(scale, shift):
             np.testing.assert_allclose(other, one, rtol=1e-7 if shift else 1e-12, atol=1e-8 if shift else 1e-12)
 
 
-@pytest.mark.parametrize(("name", "angle"), [("bicubic", 0.3), ("trapezoid", 0.3), ("nonagon", 0), ("pentagon", 0.3)])
+@pytest.mark.parametrize(
+    ("name", "angle"), mostly_long([("pentagon", 0.3), ("trapezoid", 0.3), ("nonagon", 0), ("bicubic", 0.3)], 2)
+)
 @pytest.mark.parametrize("parametrization", mostly_long(["linear", "toric"]))
 def test_knots_off_their_edges_by_rounding_count_as_on_them(name, angle, parametrization):
     patch, (c, s) = load_patch(SPECS / f"{name}.toml"), (math.cos(angle), math.sin(angle))

@@ -17,7 +17,7 @@ def test_a_named_patch_obeys(name):
         law(named(name))
 
 
-@settings(max_examples=2 * settings.default.max_examples // 3)
+@settings(max_examples=settings.default.max_examples // 2)
 @given(patch=any_patch())
 def test_any_patch_obeys(patch):
     for law in LAWS:
