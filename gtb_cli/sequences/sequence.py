@@ -25,7 +25,7 @@ from gtb_cli.sequences.family import Family, approaching, degenerating
 from gtb_cli.sequences.measurement import ACCURACY, Accuracy, Measurement
 from gtb_cli.tessellation.complexes import Complex
 from gtb_cli.tessellation.sampler import Sampler
-from gtb_cli.tessellation.too_many_faces import refuse_faces
+from gtb_cli.tessellation.tessellate import refuse_faces
 from gtb_cli.theory.patch import Patch
 from gtb_cli.values import frozen
 from gtb_cli.vocabulary import MAX_FACES

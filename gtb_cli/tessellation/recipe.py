@@ -249,6 +249,6 @@ class Recipe:
         """Raise `ToleranceError` for more faces than are allowed, or than the machine's memory holds."""
         if self.tolerance is not None:
             return
-        from gtb_cli.tessellation.too_many_faces import refuse_faces
+        from gtb_cli.tessellation.tessellate import refuse_faces
 
         refuse_faces(self.faces(spec), self.resolution, self.max_faces)

@@ -14,7 +14,6 @@ from gtb_cli.models.model import Model, joints_of
 from gtb_cli.tessellation.complexes import coarse_complexes, joined_complex
 from gtb_cli.tessellation.finishing import finished
 from gtb_cli.tessellation.sampler import Sampler, torically, torically_inside
-from gtb_cli.tessellation.too_many_faces import refuse_faces
 from gtb_cli.tessellation.welding import Weld
 from gtb_cli.theory.patch import Patch
 from gtb_cli.theory.rational_basis import LinearParametrization
@@ -109,6 +108,22 @@ def tessellate(
             if mosaic.is_whole:
                 break
     return finished(shape, mosaic, weld.moved(mosaic, points), sampler, normals)
+
+
+def refuse_faces(faces: int, resolution: int, max_faces: int, meshes: int = 1) -> None:
+    """Raise `ToleranceError` if uniform meshes have more faces than are allowed, or than the machine's memory holds."""
+    estimate = f"`resolution` {resolution} makes {faces} faces" + f" in {meshes} meshes" * (meshes > 1)
+    if faces > max_faces:
+        ways_out = f"take a smaller `resolution`, or allow them with `max_faces` {faces}"
+        raise ToleranceError(f"{estimate}, more than {max_faces}: {ways_out}")
+    needed = 100 * faces  # bytes, measured: 1.92 GB for twenty million faces of a model, 0.83 of a patch
+    try:
+        there = float(os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE"))
+    except (AttributeError, ValueError, OSError):  # the system does not say
+        there = math.inf
+    if needed > there:
+        memory = f"about {needed / 1e9:.0f} GB of memory, this machine has {there / 1e9:.0f}"
+        raise ToleranceError(f"{estimate} and needs {memory}: take a smaller `resolution`")
 
 
 def percentage_of_size(shape: Patch | Model, percent: str) -> float:
