@@ -291,7 +291,7 @@ def test_meshes_are_made_of_files_patches_and_several(pentagon, box):
     mesh = gtb_cli.tessellate(pentagon, 4)
     assert gtb_cli.tessellate(str(path), 4) == gtb_cli.tessellate(path, 4) == mesh
     assert gtb_cli.tessellate(list(box), 2).faces.tolist() == gtb_cli.tessellate(box, 2).faces.tolist()
-    with pytest.raises(DomainError, match="several patches or the name of a spec file, got Mesh"):
+    with pytest.raises(DomainError, match="Model or list or tuple, or the path of a spec file, got Mesh"):
         gtb_cli.tessellate(mesh)
     with pytest.raises(DomainError, match=r"patches\[0\]: expected a Patch, got int"):
         gtb_cli.tessellate([1])

@@ -8,7 +8,7 @@ from typing import TypeAlias
 
 from gtb_cli.errors import DomainError, ToleranceError
 from gtb_cli.knots.even_triangulation import cell_count
-from gtb_cli.language.loading import load
+from gtb_cli.language.spec_paths import SpecPath, loaded
 from gtb_cli.meshes.mesh import Mesh
 from gtb_cli.models.model import Model, joints_of
 from gtb_cli.tessellation.complexes import coarse_complexes, joined_complex
@@ -19,19 +19,13 @@ from gtb_cli.theory.patch import Patch
 from gtb_cli.theory.rational_basis import LinearParametrization
 from gtb_cli.vocabulary import MAX_FACES, RESOLUTION, Parametrization, check_fineness, percentage
 
-Shape: TypeAlias = Patch | Model | Iterable[Patch] | str | os.PathLike[str]
+Shape: TypeAlias = Patch | Model | Iterable[Patch] | SpecPath
 
 
 def shape_of(shape: Shape) -> Patch | Model:
     """Return a patch or model as it is, load the file of a spec, and make a model of several patches."""
-    if isinstance(shape, Patch | Model):
-        return shape
-    if isinstance(shape, str | os.PathLike):
-        return load(shape)
-    if isinstance(shape, list | tuple):
-        return Model(tuple(shape))
-    expected = "a Patch, a Model, several patches or the name of a spec file"
-    raise DomainError(f"shape: expected {expected}, got {type(shape).__name__}")
+    found: Patch | Model | list[Patch] | tuple[Patch, ...] = loaded(shape, Patch, Model, list, tuple)
+    return Model(tuple(found)) if isinstance(found, list | tuple) else found
 
 
 def tessellate(
