@@ -84,7 +84,8 @@ def pytest_terminal_summary(terminalreporter: Any, exitstatus: int, config: pyte
     for folder in sorted({path.parent for path in map(Path, asked) if os.path.exists(f"{path.parent}.py")}):
         for path in sorted(folder.iterdir()):
             if suffix_of(path.name) in FORMATS and ".obtained." not in path.name and str(path) not in asked:
-                terminalreporter.write_line(f"no test asked for the golden file {path}")
+                shown = os.path.relpath(path, config.invocation_params.dir)
+                terminalreporter.write_line(f"no test asked for the golden file {shown}")
 
 
 @pytest.fixture
@@ -207,7 +208,7 @@ class MeshRegression:
         """Compare a golden file with new bytes and material libraries, and write what has to be written."""
         __tracebackhide__ = True
         from gtb_cli.errors import GtbError
-        from gtb_cli.files import replace_file
+        from gtb_cli.files import place_outside, replace_file
         from gtb_cli.review.reports import reviewed, write_reports
         from gtb_cli.verdicts.verdict import Verdict
 
@@ -240,7 +241,8 @@ class MeshRegression:
         verdict = replace(verdict, paths=(self._shown(golden), self._shown(obtained)))
         replace_file(obtained, [data])
         write_reports(reviewed(verdict.paths, [verdict], comparing), [str(page)])
-        ways_out = f"{self._shown(page)} shows it, and pytest --force-regen takes it as golden"
+        takes = "" if place_outside(str(golden)) else ", and pytest --force-regen takes it as golden"
+        ways_out = f"{self._shown(page)} shows it{takes}"
         raise AssertionError("\n".join([verdict.text.rstrip("\n"), *verdict.warnings, ways_out]))
 
     def _renew(self, golden: Path, data: bytes, beside: Mapping[str, bytes], reason: str) -> None:

@@ -32,7 +32,7 @@ PATCHES = {"knots", "moment", "theory", "models", "language", "limits", "bezier"
 APART = {"meshes": PATCHES, "solids": PATCHES}
 """Floors that do not know each other."""
 
-READS_MESHES = {"meshes.mesh", "formats.glb", "formats.ply", "formats.stl"}
+READS_MESHES = {"meshes.mesh"}
 """Modules that may import trimesh, inside functions."""
 
 OPTIONS = {"tessellation.recipe", "language.reading"}

@@ -99,7 +99,7 @@ mesh = pathlib.Path("test_lamp/input.obj"); mesh.write_text(mesh.read_text().rep
 run()
 """
     *texts, turned = [text for _, text in runs(folder, test, steps)]
-    assert [f"file {folder / 'test_lamp' / 'old.obj'}" in text for text in texts] == [False, True, False, False, False]
+    assert ["file test_lamp/old.obj" in text for text in texts] == [False, True, False, False, False]
     golden = (folder / "test_lamp" / "test_lamp.obj").read_text()
     assert ["did not exist" in texts[0], "vn" in golden, "normals: up to " in turned] == [True] * 3
     assert "not compared, as surfaces were" in turned
@@ -243,4 +243,4 @@ def test_lamp(mesh_regression, number):
     contents = {(folder / name).read_bytes() for name in files(folder)}
     assert (len(files(folder)), len(contents)) == (3, 1)
     ((status, text),) = runs(folder, test.replace("range(2)", "range(1)"), "run('-p', 'xdist', '-n', '1')")
-    assert (status, text.count("no test asked for the golden file")) == (0, 1)
+    assert (status, text.count("no test asked for the golden file test_")) == (0, 1)

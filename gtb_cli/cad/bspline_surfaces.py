@@ -1,14 +1,15 @@
 """Patches as rational B-spline surfaces: Bézier rectangles, or fitted pieces; sewn and written: `cad_writing`."""
 
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from itertools import chain
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
 
 from gtb_cli.arrays import angles_between
+from gtb_cli.cad.edge_halves import half_edges
 from gtb_cli.cad.exact_surfaces import SplineSurface, balanced, exact_surfaces
 from gtb_cli.cad.fitted_pieces import fitted_pieces
-from gtb_cli.cad.half_edges import half_edges
 from gtb_cli.cad.part_borders import part_borders
 from gtb_cli.cad.polar_pieces import polar_pieces
 from gtb_cli.cad.spline_pieces import FittedPieces
@@ -20,6 +21,7 @@ SPANS: tuple[int, ...] = (4, 8, 12, 16, 24, 32)  # in each direction of a fitted
 POLAR_SPANS: tuple[int, ...] = (3, 4, 5, 6, 8, 12, 16)  # of pieces where corners are smooth
 CURVED_SPANS: tuple[int, ...] = (4, 5, 6)  # of those that meet curvature
 CLOSEST = 1e-3  # degrees between tangent planes that more spans are tried for, where none is given
+_Trial: TypeAlias = tuple[dict[int, FittedPieces], FittedPieces]  # of patches by number; the largest figures of all
 
 
 class SplineSurfaces(NamedTuple):
@@ -69,53 +71,68 @@ def spline_surfaces(
             reasons[index] = str(fault)
     if not reasons:
         return SplineSurfaces(tuple(chain.from_iterable(exact.values())), 0, 0.0, 0.0, 0.0, 0.0, ())
-    missed = 0.005  # of curvature: with more, more spans are tried
-    much, enough = 0.1, 0.1  # a share of places with planes that no B-spline follows, and degrees that suffice then
     names = {index: patches[index].name or f"patch-{index}" for index in reasons}
     edges = {} if curved else half_edges(spec, reasons)
     halves = {i: [edges.get((i, k)) for k in range(len(patches[i].domain.vertices))] for i in reasons}
-    # Of points, as control points inside may be far away
-    size = float(np.ptp(np.concatenate([patch.evaluate(patch.knots) for patch in patches]), axis=0).max())
-    allowed, gap_allowed = 1e-4 * size if tolerance is None else tolerance, 1e-8 * size  # of edges: they are exact
-    best: dict[int, FittedPieces] = {}
     borders = {index: part_borders(patches[index], part, curved=curved) for index in reasons}
-    ways = [(polar_pieces, CURVED_SPANS if curved else POLAR_SPANS), (fitted_pieces, SPANS)]
-    is_polar = curved or any(_has_smooth_corner(patches[index]) for index in reasons)
-    for fit, counts in ways[not is_polar : 1 if curved else 2]:
-        reached, history = (np.inf, np.inf, np.inf), [(np.inf, np.inf)] * 2
+
+    def trials(fit: Callable[..., FittedPieces], counts: Sequence[int]) -> Iterator[_Trial]:
+        """Fit all patches by more and more spans, as long as polar pieces have normals at corners and seams."""
         for spans in counts:
             try:
                 found = {i: fit(patches[i], names[i], spans, halves[i], borders[i]) for i in reasons}
             except DomainError:
-                if curved:
+                if curved or fit is fitted_pieces:
                     raise
-                break
-            error, gap, bend, least, lost = map(max, zip(*(one[1:] for one in found.values()), strict=True))
-            history.append((bend, least))
-            # Files are measured at more places
-            wanted = 0.9 * angle if angle is not None else CLOSEST if lost < much else enough
-            is_met = max(bend, least) <= wanted and (not curved or error <= missed)
-            pairs = zip(history[-1], history[-3], strict=True)
-            is_sound = (curved or error <= allowed) and gap <= gap_allowed and (fit is fitted_pieces or least < 90)
-            if is_sound and (is_met or bend + least <= sum(reached[1:])):
-                best, reached = found, (error, bend, least)
-            is_better = curved or any(now > wanted and now <= before / 2 for now, before in pairs)
-            if best and (is_met or (angle is None and not is_better)):
-                break
-        if best:
-            break
-    if not best:
-        off = f"{error:.3g} off, more than {allowed:.3g}" if error > allowed else f"{gap:.3g} off along edges"
+                return
+            yield found, FittedPieces((), *map(max, zip(*(one[1:] for one in found.values()), strict=True)))
+
+    # Of points, as control points inside may be far away
+    size = float(np.ptp(np.concatenate([patch.evaluate(patch.knots) for patch in patches]), axis=0).max())
+    allowed, best = 1e-4 * size if tolerance is None else tolerance, None
+    most = FittedPieces((), np.inf if curved else allowed, 1e-8 * size, np.inf, 90.0, np.inf)  # edges are exact
+    if curved or any(_has_smooth_corner(patches[index]) for index in reasons):
+        best, last = _best_of(trials(polar_pieces, CURVED_SPANS if curved else POLAR_SPANS), most, angle, curved)
+    if not (best or curved):
+        best, last = _best_of(trials(fitted_pieces, SPANS), most._replace(angle=np.inf), angle, curved)
+    if best is None:
+        off = f"{last.gap:.3g} off along edges"
+        off = f"{last.error:.3g} off, more than {allowed:.3g}" if last.error > allowed else off
         raise ToleranceError(f"fitted surfaces of {SPANS[-1]} × {SPANS[-1]} spans are still {off}")
-    if angle is not None and (apart := max(reached[1:])) > angle:
+    pieces, reached = best
+    if angle is not None and (apart := max(reached.bend, reached.angle)) > angle:
         raise ToleranceError(f"planes of fitted faces still differ by {apart:.6g} degrees, more than {angle:g}")
     return SplineSurfaces(
-        tuple(chain.from_iterable(exact[i] if i in exact else best[i].surfaces for i in range(len(patches)))),
-        sum(len(one.surfaces) for one in best.values()),
-        *reached,
-        max(one.lost for one in best.values()),
+        tuple(chain.from_iterable(exact[i] if i in exact else pieces[i].surfaces for i in range(len(patches)))),
+        sum(len(one.surfaces) for one in pieces.values()),
+        *(reached.error, reached.bend, reached.angle, reached.lost),
         tuple((name, reasons[index]) for index, name in names.items()),
     )
+
+
+def _best_of(
+    trials: Iterable[_Trial], most: FittedPieces, angle: float | None, curved: bool
+) -> tuple[_Trial | None, FittedPieces]:
+    """Return the trial with the nearest planes of those that are within `most`, and the figures of the last one.
+
+    The last meets planes or, without a given angle, does not come to half the angles of two trials before.
+    """
+    missed = 0.005  # of curvature: with more, more spans are tried
+    much, enough = 0.1, 0.1  # a share of places with planes that no B-spline follows, and degrees that suffice then
+    best, found, least, before = None, most, np.inf, [(np.inf, np.inf)] * 2
+    for pieces, found in trials:
+        # Files are measured at more places
+        wanted = 0.9 * angle if angle is not None else CLOSEST if found.lost < much else enough
+        planes = found.bend, found.angle
+        is_met = max(planes) <= wanted and (not curved or found.error <= missed)
+        is_sound = found.error <= most.error and found.gap <= most.gap and found.angle < most.angle
+        if is_sound and (is_met or sum(planes) <= least):
+            best, least = (pieces, found), sum(planes)
+        is_better = curved or any(now > wanted and now <= then / 2 for now, then in zip(planes, before[0], strict=True))
+        if best and (is_met or (angle is None and not is_better)):
+            break
+        before = [before[1], planes]
+    return best, found
 
 
 def _has_smooth_corner(patch: Patch) -> bool:

@@ -1,4 +1,4 @@
-"""Surfaces as STEP, IGES and BREP: faces of rational B-splines, sewn to shells and solids by Open CASCADE.
+"""Surfaces as STEP, IGES and BREP: faces of `bspline_surfaces`, sewn to shells and solids by Open CASCADE.
 
 Its Python package is an extra: ``gtb-cli[cad]``.
 """

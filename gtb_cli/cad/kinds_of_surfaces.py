@@ -1,4 +1,4 @@
-"""Surfaces instead of triangles: CAD formats, what is exact in them, and what they lack."""
+"""Surfaces instead of triangles: CAD formats, and what they lack; which patches are exact: `bspline_surfaces`."""
 
 import math
 from collections.abc import Callable

@@ -6,8 +6,8 @@ from typing import Any, NamedTuple, TypeAlias
 import numpy as np
 
 from gtb_cli.arrays import BoolArray, FloatArray, angles_between, unit
+from gtb_cli.cad.edge_halves import HalfEdge
 from gtb_cli.cad.exact_surfaces import SplineSurface
-from gtb_cli.cad.half_edges import HalfEdge
 from gtb_cli.cad.part_borders import Border
 from gtb_cli.theory.basis import Location
 from gtb_cli.theory.patch import Patch

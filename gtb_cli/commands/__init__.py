@@ -1,1 +1,1 @@
-"""The commands of `gtb`, one module each: load, compute, write. They are imported when they are called."""
+"""The commands of `gtb`, a module for one or a few alike: load, compute, write. They are imported when called."""

@@ -10,7 +10,7 @@ import click
 
 from gtb_cli.errors import Fault, GtbError
 from gtb_cli.shell.folders import files_in
-from gtb_cli.shell.gathering import gathered
+from gtb_cli.shell.gathering import gathered, option
 from gtb_cli.shell.messages import Console
 from gtb_cli.shell.options import INPUT, console_option, difference_option, ignore_option
 from gtb_cli.shell.several import attempted
@@ -25,7 +25,7 @@ from gtb_cli.vocabulary import FORMATS, suffix_of
 @click.argument("golden", metavar="GOLDEN")
 @click.argument("out", metavar="OUT", type=INPUT)
 @click.argument("names", metavar="[NAME]...", nargs=-1)
-@click.option("--prune", is_flag=True, help="Also remove the files of GOLDEN that OUT does not have.")
+@option("--prune", bool)(help="Also remove the files of GOLDEN that OUT does not have.")
 @gathered("comparing", Comparing, difference_option, ignore_option)
 @console_option
 def approve(golden: str, out: str, names: tuple[str, ...], prune: bool, comparing: Comparing, console: Console) -> None:

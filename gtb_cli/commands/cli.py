@@ -14,8 +14,8 @@ import click
 from gtb_cli.errors import Fault, RequirementError
 from gtb_cli.shell.allowances import bound, bytes_from, seconds_from
 from gtb_cli.shell.faults import faults_about
+from gtb_cli.shell.gathering import option
 from gtb_cli.shell.messages import FORMS, STANDARD, abandon, begin, finish, say, tell
-from gtb_cli.shell.options import reads
 from gtb_cli.version import __version__
 from gtb_cli.vocabulary import COMPLETION_VARIABLE, TEMPLATES, printable
 
@@ -127,37 +127,21 @@ def _print_version(ctx: click.Context, param: click.Parameter, value: bool) -> N
 
 
 @click.group(cls=LazyGroup, context_settings={"help_option_names": ["-h", "--help"]})
-@click.option(
-    "--json",
-    is_flag=True,
-    is_eager=True,
-    help="Print errors and warnings, and the version, as JSON objects. A command's own --json also does the former.",
+@option("--json", bool, is_eager=True)(
+    help="Print errors and warnings, and the version, as JSON objects. A command's own --json also does the former."
 )
-@click.option(
-    "--errors",
-    type=click.Choice(FORMS),
-    expose_value=False,
-    help="Print errors and warnings as lines of text, as one JSON object at the end, or as annotations of GitHub.",
+@option("--errors", FORMS, expose_value=False)(
+    help="Print errors and warnings as lines of text, as one JSON object at the end, or as annotations of GitHub."
 )
-@click.option(
-    "--version",
-    is_flag=True,
-    expose_value=False,
-    callback=_print_version,
-    help="Print the version; with --json, also those of Python and the packages.",
+@option("--version", bool, expose_value=False, callback=_print_version)(
+    help="Print the version; with --json, also those of Python and the packages."
 )
-@click.option(
-    "--max-seconds",
-    metavar="S",
-    callback=reads(seconds_from),
-    help="Stop a command that takes longer, with exit status 2 and nothing left behind; it has a second more to end.",
+@option("--max-seconds S", seconds_from)(
+    help="Stop a command that takes longer, with exit status 2 and nothing left behind; it has a second more to end."
 )
-@click.option(
-    "--max-memory",
-    metavar="SIZE",
-    callback=reads(bytes_from),
+@option("--max-memory SIZE", bytes_from)(
     help="Memory that the command may use, such as 500M or 2G, counted in addresses as by ulimit -v; with -j all "
-    "processes share it, and there are fewer of them where each would have less than 1G.",
+    "processes share it, and there are fewer of them where each would have less than 1G."
 )
 def gtb(json: bool, max_seconds: float | None, max_memory: int | None) -> None:
     """\b

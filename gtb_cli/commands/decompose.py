@@ -5,6 +5,7 @@ from typing import Any
 
 import click
 
+from gtb_cli.shell.gathering import option
 from gtb_cli.shell.options import WholeNumber, json_option, lifting_option, spec_argument, streams_options
 from gtb_cli.shell.streams import Streams, about, single, write_json
 
@@ -13,9 +14,9 @@ from gtb_cli.shell.streams import Streams, about, single, write_json
 @spec_argument
 @lifting_option
 @json_option
-@click.option("--all", "every", is_flag=True, help="Print every regular decomposition of the knots, by any lifting.")
-@click.option("--triangulations", is_flag=True, help="With --all: only the finest.")
-@click.option("--max", "most", type=WholeNumber(1), metavar="N", help="With --all: stop at this many.")
+@option("--all", bool, into="every")(help="Print every regular decomposition of the knots, by any lifting.")
+@option("--triangulations", bool)(help="With --all: only the finest.")
+@option("--max N", WholeNumber(1), into="most")(help="With --all: stop at this many.")
 @streams_options
 def decompose(
     spec: str, lifting: tuple[float, ...] | None, every: bool, as_json: bool, streams: Streams, **limits: Any

@@ -9,7 +9,7 @@ import click
 
 from gtb_cli.errors import GtbError
 from gtb_cli.shell.folders import pairs
-from gtb_cli.shell.gathering import gathered
+from gtb_cli.shell.gathering import gathered, option
 from gtb_cli.shell.messages import STANDARD, Console, tell
 from gtb_cli.shell.options import (
     INPUT,
@@ -18,7 +18,6 @@ from gtb_cli.shell.options import (
     json_option,
     max_faces_option,
     parametrization_option,
-    reads,
     recipe_of,
     resolution_option,
     streams_options,
@@ -43,25 +42,16 @@ def _reports(paths: tuple[str, ...]) -> tuple[str, ...]:
     "comparing",
     Comparing,
     difference_option,
-    click.option(
-        "--as",
-        "kind",
-        type=click.Choice(["auto", "vertices", "surface"]),
-        default="auto",
+    option("--as", ("auto", "vertices", "surface"), into="kind", default="auto")(
         help="Compare vertex by vertex if the faces are the same, else as surfaces (auto); only vertex by vertex; or "
         "only as surfaces. Two specs are compared themselves, whatever their parameters; with vertices, their meshes "
-        "are.",
+        "are."
     ),
     ignore_option,
 )
-@click.option(
-    "--report",
-    "reports",
-    callback=reads(_reports),
-    metavar="PAGE",
-    multiple=True,
+@option("--report PAGE", _reports, into="reports", multiple=True)(
     help="Also write a report on all that differs: PAGE.html, to look at old and new side by side, offline; or "
-    "PAGE.md, a table of the numbers. May be repeated.",
+    "PAGE.md, a table of the numbers. May be repeated."
 )
 @gathered("recipe", recipe_of, resolution_option, parametrization_option, max_faces_option, takes=Recipe)
 @json_option

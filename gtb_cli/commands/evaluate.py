@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import click
 
 from gtb_cli.errors import DomainError, Fault
+from gtb_cli.shell.gathering import option
 from gtb_cli.shell.messages import STANDARD
 from gtb_cli.shell.options import INPUT, json_option, spec_argument, streams_options
 from gtb_cli.shell.streams import Streams, numbered_rows, opened, shown_input, single, write_blocks, write_json
@@ -26,25 +27,18 @@ BATCH_LINES = 8192  # lines evaluated together, however a pipe delivers them: la
 @click.command("eval")
 @spec_argument
 @click.argument("params", metavar="[PARAMS]", default=STANDARD, type=INPUT)
-@click.option("--basis", is_flag=True, help="Print the values T_i of the rational basis instead of points.")
-@click.option("--normals", is_flag=True, help="Also print unit normals of a surface; nan where it has none.")
-@click.option(
-    "--curvature",
-    is_flag=True,
-    help="Also print Gaussian and mean curvature of a surface, with respect to its normals; nan without a limit.",
+@option("--basis", bool)(help="Print the values T_i of the rational basis instead of points.")
+@option("--normals", bool)(help="Also print unit normals of a surface; nan where it has none.")
+@option("--curvature", bool)(
+    help="Also print Gaussian and mean curvature of a surface, with respect to its normals; nan without a limit."
 )
-@click.option(
-    "--derivatives",
-    type=click.Choice(["1", "2"]),
-    help="Also print first derivatives of what is printed, or first and second ones; inf without a finite limit.",
+@option("--derivatives", ("1", "2"))(
+    help="Also print first derivatives of what is printed, or first and second ones; inf without a finite limit."
 )
-@click.option("--header", is_flag=True, help="Print the names of the columns first, and parameters before each line.")
-@click.option(
-    "--parametrization",
-    type=click.Choice(PARAMETRIZATIONS),
-    default="toric",
+@option("--header", bool)(help="Print the names of the columns first, and parameters before each line.")
+@option("--parametrization", PARAMETRIZATIONS, default="toric")(
     help="What parameters mean: toric, as in the paper (the default); or linear, so that "
-    "the patch has linear precision, as in gtb mesh.",
+    "the patch has linear precision, as in gtb mesh."
 )
 @json_option
 @streams_options

@@ -4,13 +4,15 @@ from __future__ import annotations
 
 import math
 import re
+from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 import click
 
 from gtb_cli.errors import RequirementError
+from gtb_cli.shell.gathering import option
 from gtb_cli.shell.messages import STANDARD, Console
-from gtb_cli.shell.options import INPUT, WholeNumber, json_option, length_option, reads, streams_options, weld_option
+from gtb_cli.shell.options import INPUT, WholeNumber, json_option, length_of, streams_options, weld_option
 from gtb_cli.shell.streams import Streams, about, input_stem, read_bytes, shown_input, write_blocks, write_json
 from gtb_cli.shell.surface_files import surface_format
 from gtb_cli.vocabulary import CONTINUITIES, percentage
@@ -19,6 +21,7 @@ if TYPE_CHECKING:
     from gtb_cli.cad.cad_seams import Seams
     from gtb_cli.fairing.variation import Bending
     from gtb_cli.filling.certificate import Filling
+    from gtb_cli.filling.holes import Ring
 
 
 def _kinds(values: tuple[str, ...]) -> dict[str, str]:
@@ -31,47 +34,29 @@ def _kinds(values: tuple[str, ...]) -> dict[str, str]:
 
 @click.command
 @click.argument("loop", metavar="LOOP", type=INPUT)
-@click.option(
-    "--hole",
-    metavar="EDGE",
+@option("--hole EDGE", str)(
     help='In a model or part, fill the hole with this edge, such as "wall-0 edge 2", at this patch or face, "face-3", '
-    'or near this point, "10,0,2.5".',
+    'or near this point, "10,0,2.5".'
 )
-@click.option("--holes", is_flag=True, help="List the holes of a model or part, and fill none.")
-@click.option(
-    "--continuity",
-    multiple=True,
-    metavar="[SIDE=]KIND",
-    callback=reads(_kinds),
+@option("--holes", bool)(help="List the holes of a model or part, and fill none.")
+@option("--continuity [SIDE=]KIND", _kinds, multiple=True)(
     help="With g1, the default, the patch touches the given tangent planes; with g0 it only meets the curves, and is a "
     "plane lid or floor where they lie in a plane; with g2 it also has the curvature of its neighbours. "
-    'Of one side: "side 2=g1".',
+    'Of one side: "side 2=g1".'
 )
-@click.option(
-    "--inner",
-    type=click.Choice(["fair", "flat"]),
-    default="fair",
-    help="Make the inside fair (curvature varies little), the default, or flat like a soap film.",
+@option("--inner", ("fair", "flat"), default="fair")(
+    help="Make the inside fair (curvature varies little), the default, or flat like a soap film."
 )
-@length_option("--fullness", metavar="F", help="Continue along the given tangent planes F times as far as is fair.")
-@click.option(
-    "--elevate",
-    "raises",
-    type=WholeNumber(0, 6),
-    metavar="D",
-    help="Raise the degree of edges by at least D: more knots, a fairer patch. By default D suits the hole.",
+@option("--fullness F", length_of)(help="Continue along the given tangent planes F times as far as is fair.")
+@option("--elevate D", WholeNumber(0, 6), into="raises")(
+    help="Raise the degree of edges by at least D: more knots, a fairer patch. By default D suits the hole."
 )
-@length_option("--tolerance", metavar="T", help="In a CAD file, fit within this distance (1e-4 of the size).")
-@length_option("--angle", metavar="DEGREES", help="In a CAD file, keep tangent planes within this.")
-@click.option(
-    "--g2-tolerance",
-    callback=reads(lambda text: percentage(text) / 100),
-    default="1%",
-    show_default=True,
-    metavar="PERCENT",
-    help="With g2, the largest difference of curvatures, of the neighbours' largest.",
+@option("--tolerance T", length_of)(help="In a CAD file, fit within this distance (1e-4 of the size).")
+@option("--angle DEGREES", length_of)(help="In a CAD file, keep tangent planes within this.")
+@option("--g2-tolerance PERCENT", lambda text: percentage(text) / 100, default="1%", show_default=True)(
+    help="With g2, the largest difference of curvatures, of the neighbours' largest."
 )
-@click.option("--long", "is_long", is_flag=True, help="Say all that was measured, of each side and corner.")
+@option("--long", bool, into="is_long")(help="Say all that was measured, of each side and corner.")
 @weld_option
 @json_option
 @streams_options
@@ -101,52 +86,34 @@ def fill(
 
     A hole with concave corners is cut by curves into parts with a patch each, whose tangent planes along them agree.
     """
-    from gtb_cli.filling.certificate import DISAGREEING
     from gtb_cli.filling.fill import filled, filled_in_some_way, holes_of
     from gtb_cli.filling.hole_files import read_loop
-    from gtb_cli.filling.holes import ring_texts
     from gtb_cli.filling.part_holes import Part
     from gtb_cli.language.writer import check_target, dump
     from gtb_cli.models.model import Model
 
     source, kind = shown_input(loop), surface_format(None, streams.output)
-    continuity, fineness = asked["continuity"], [asked[name] for name in ("tolerance", "angle")]
-    if kind is None and any(fineness):
+    if kind is None and (asked["tolerance"] or asked["angle"]):
         raise click.UsageError("--tolerance and --angle are for an output that is a CAD file, such as -o filled.step")
     if kind is None and not holes:
         check_target(streams.output)
     data = read_bytes(loop)
     found, named = read_loop(data, source, streams.reading, weld)
-    with about(source):
-        if holes:
-            rings = holes_of(found)
-            if as_json:
-                data_of = [{"edges": ring.names, "near": ring.corners.mean(axis=0).tolist()} for ring in rings]
-                write_json(streams.output, {"holes": data_of})
-            else:
-                streams.write("".join(f"{text}\n" for text in ring_texts(rings)))
-            return
-        name = None if isinstance(found, Model) else named or input_stem(loop)
-        # What is written meets curvature, where no patch does
-        bends = isinstance(found, Part) and kind is not None and continuity == {"": "g2"}
-        options = {name: asked[name] for name in ("inner", "fullness", "raises", "g2_tolerance")}
-        fill_hole = filled_in_some_way if options["fullness"] is options["raises"] is None else filled
-        options |= {"fullness": options["fullness"] or 1.0, "continuity": {} if bends else continuity}
-        with streams.console.clock("fill"):
-            filling = fill_hole(found, hole, name, **options)
-    seams = None
-    if kind is not None and not filling.fault:
-        from gtb_cli.cad.bspline_surfaces import CLOSEST
-        from gtb_cli.cad.kinds_of_surfaces import encode_surfaces
-
-        part = found.shape if isinstance(found, Part) else None
+    if holes:
         with about(source):
-            model, allowed = filling.model or filling.patch, options["g2_tolerance"] if bends else None
-            made = encode_surfaces(model, kind, "mm", *fineness, part=part, bend_allowed=allowed)
-            block, size, warnings, seams = made
-        has = {"colours": rb"STYLED_ITEM", "names": rb"ADVANCED_FACE\s*\(\s*'(?!NONE')[^']"}
-        if part is not None and (lost := [what for what, word in has.items() if re.search(word, data)]):
-            warnings.append(f"{' and '.join(lost)} of the part's faces are not kept")
+            return _list_holes(holes_of(found), as_json, streams)
+    # What is written meets curvature, where no patch does
+    bends = isinstance(found, Part) and kind is not None and asked["continuity"] == {"": "g2"}
+    options = {name: asked[name] for name in ("inner", "raises", "g2_tolerance")}
+    options |= {"fullness": asked["fullness"] or 1.0, "continuity": {} if bends else asked["continuity"]}
+    fill_hole = filled_in_some_way if asked["fullness"] is asked["raises"] is None else filled
+    with about(source), streams.console.clock("fill"):
+        filling = fill_hole(found, hole, None if isinstance(found, Model) else named or input_stem(loop), **options)
+    size, warnings, seams = "", list[str](), None
+    if kind is not None and not filling.fault:
+        part, allowed = found.shape if isinstance(found, Part) else None, asked["g2_tolerance"] if bends else None
+        with about(source):
+            block, size, warnings, seams = _cad_file(filling, part, data, kind, asked, allowed)
         write_blocks(streams.output, [block])
     elif not filling.fault and not (as_json and streams.output == STANDARD):
         # Before its certificate: it may be impossible
@@ -157,12 +124,38 @@ def fill(
         raise RequirementError(f"{filling.fault}; it is not written").within(source)
     _report(filling, streams.console, asked["is_long"], written=not bends)
     if kind is not None:
-        angles = enumerate(filling.corner_angles.tolist())  # those beyond are doubts
-        most, k = max(((angle, k) for k, angle in angles if angle <= DISAGREEING), default=(0.0, 0))
-        if seams is not None and most > CLOSEST:
-            off = f"disagree by {most:.2g} degrees at {filling.at(filling.sides[k].ends[0])}"
-            warnings.append(f"planes and edges of the part {off}: no face can meet all")
         streams.console.report(streams.output, size, warnings)
+
+
+def _list_holes(rings: Sequence[Ring], as_json: bool, streams: Streams) -> None:
+    from gtb_cli.filling.holes import ring_texts
+
+    if as_json:
+        data = [{"edges": ring.names, "near": ring.corners.mean(axis=0).tolist()} for ring in rings]
+        write_json(streams.output, {"holes": data})
+    else:
+        streams.write("".join(f"{text}\n" for text in ring_texts(rings)))
+
+
+def _cad_file(
+    filling: Filling, part: Any, data: bytes, kind: str, asked: dict[str, Any], bend_allowed: float | None
+) -> tuple[bytes, str, list[str], Seams | None]:
+    """Return a CAD file of a filling, sewn to a part that was read from data; its size, warnings, and seams."""
+    from gtb_cli.cad.bspline_surfaces import CLOSEST
+    from gtb_cli.cad.kinds_of_surfaces import encode_surfaces
+    from gtb_cli.filling.certificate import DISAGREEING
+
+    model, fineness = filling.model or filling.patch, (asked["tolerance"], asked["angle"])
+    block, size, warnings, seams = encode_surfaces(model, kind, "mm", *fineness, part=part, bend_allowed=bend_allowed)
+    has = {"colours": rb"STYLED_ITEM", "names": rb"ADVANCED_FACE\s*\(\s*'(?!NONE')[^']"}
+    if part is not None and (lost := [what for what, word in has.items() if re.search(word, data)]):
+        warnings.append(f"{' and '.join(lost)} of the part's faces are not kept")
+    angles = enumerate(filling.corner_angles.tolist())  # those beyond are doubts
+    most, k = max(((angle, k) for k, angle in angles if angle <= DISAGREEING), default=(0.0, 0))
+    if seams is not None and most > CLOSEST:
+        off = f"disagree by {most:.2g} degrees at {filling.at(filling.sides[k].ends[0])}"
+        warnings.append(f"planes and edges of the part {off}: no face can meet all")
+    return block, size, warnings, seams
 
 
 def _certificate(filling: Filling, seams: Seams | None, *, written: bool) -> dict[str, Any]:
@@ -224,12 +217,6 @@ def _bending(bending: Bending, error: float) -> dict[str, float]:
 
 def _report(filling: Filling, console: Console, is_long: bool, *, written: bool) -> None:
     """Say all that was measured or, in up to three lines, what was done differently, what is doubtful, and the size."""
-    from gtb_cli.fairing.fair import agreed_text
-
-    knots = sum(len(patch.knots) for patch in filling.patches)
-    sides = " + ".join(str(len(part.sides)) for part in filling.parts or (filling,))
-    angle = "" if math.isnan(filling.angle) else f", largest angle to the given planes {filling.angle:.2g} degrees"
-    size = f"{sides} sides, {knots} knots, no folds at corners and some thousand places{angle}"
     plain = [remark for remark in filling.remarks if not remark.startswith("degrees of")][:1]
     for remark in filling.remarks if is_long else plain:
         console.note(remark)
@@ -237,22 +224,37 @@ def _report(filling: Filling, console: Console, is_long: bool, *, written: bool)
         console.warn("; ".join(filling.doubts))
     if not written:  # the file's surfaces are not this patch, and its line says what they are
         return
-    if not is_long:
+    knots = sum(len(patch.knots) for patch in filling.patches)
+    sides = " + ".join(str(len(part.sides)) for part in filling.parts or (filling,))
+    angle = "" if math.isnan(filling.angle) else f", largest angle to the given planes {filling.angle:.2g} degrees"
+    size = f"{sides} sides, {knots} knots, no folds at corners and some thousand places{angle}"
+    if is_long:
+        _report_sides(filling, console)
+        _report_corners(filling, console)
+        console.note(size)
+        _report_bending(filling, console)
+    else:
         bend = max((each.bend for each in filling.contacts if not math.isnan(each.bend_inside)), default=0.0)
         more = f", curvatures across sides differ by up to {bend:.2g}" if bend else ""
         console.note(f"{size}{more}; --long says more")
-        return
+
+
+def _report_sides(filling: Filling, console: Console) -> None:
+    """Say what was measured along each side that has tangent planes."""
     for side, contact in zip(filling.sides, filling.contacts, strict=True):
         if math.isnan(contact.angle):
-            continue  # of a side without tangent planes nothing is measured
+            continue
         text = f"{side.name}: angle to its planes up to {contact.angle:.2g} degrees near {filling.at(contact.place)}"
         if not math.isnan(contact.bend):
             text += f", curvatures across differ by up to {contact.bend:.2g} near {filling.at(contact.bend_place)}"
         if not math.isnan(contact.bend_inside):
             text += f", at 1% of its length inside by {contact.bend_inside:.2g}"
         console.note(text)
-    _report_corners(filling, console)
-    console.note(size)
+
+
+def _report_bending(filling: Filling, console: Console) -> None:
+    from gtb_cli.fairing.fair import agreed_text
+
     measured = zip((filling.bending, filling.bending_nearer), filling.bending_errors, strict=True)
     for what, (bending, errors) in zip(("hundredth", "thousandth"), measured, strict=True):
         bent, varied = map(agreed_text, (bending.energy, bending.variation), errors.tolist())

@@ -5,17 +5,16 @@ from itertools import islice
 import click
 
 from gtb_cli.errors import SpecError
+from gtb_cli.shell.gathering import option
 from gtb_cli.shell.messages import STANDARD
-from gtb_cli.shell.options import INPUT, numbers_option, output_options
+from gtb_cli.shell.options import INPUT, numbers_of, output_options
 from gtb_cli.shell.streams import Streams, about, input_stem, numbered_rows, opened, shown_input
 
 
 @click.command
 @click.argument("points", metavar="[POINTS]", default=STANDARD, type=INPUT)
-@numbers_option(
-    "--knots",
-    metavar="A,…",
-    help="Ascending knots, one for each point. By default the length of the polygon up to the point.",
+@option("--knots A,…", numbers_of)(
+    help="Ascending knots, one for each point. By default the length of the polygon up to the point."
 )
 @output_options
 def fit(points: str, knots: tuple[float, ...] | None, streams: Streams) -> None:

@@ -4,6 +4,7 @@ from difflib import get_close_matches
 
 import click
 
+from gtb_cli.shell.gathering import option
 from gtb_cli.shell.options import output_options
 from gtb_cli.shell.streams import Streams
 from gtb_cli.vocabulary import COMPLETION_VARIABLE, SHELLS
@@ -26,7 +27,7 @@ def schema(streams: Streams) -> None:
 
 @click.command("help")
 @click.argument("command", metavar="[COMMAND|OPTION]", required=False)
-@click.option("-q", "--quiet", is_flag=True, expose_value=False, help="Print only errors.")
+@option("-q, --quiet", bool, expose_value=False)(help="Print only errors.")
 def help_(command: str | None) -> None:
     """\b
     Example: gtb help mesh

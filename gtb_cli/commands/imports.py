@@ -3,6 +3,7 @@
 import click
 
 from gtb_cli.errors import RequirementError
+from gtb_cli.shell.gathering import option
 from gtb_cli.shell.messages import STANDARD
 from gtb_cli.shell.options import INPUT, output_options
 from gtb_cli.shell.streams import Streams, about, input_stem, read_bytes, shown_input
@@ -11,11 +12,8 @@ from gtb_cli.vocabulary import IMPORTS, suffix_of
 
 @click.command("import")
 @click.argument("file", metavar="FILE", default=STANDARD, type=INPUT)
-@click.option(
-    "--from",
-    "format",
-    type=click.Choice(IMPORTS),
-    help="Read FILE in this format. By default the content or the suffix of the file decides.",
+@option("--from", IMPORTS, into="format")(
+    help="Read FILE in this format. By default the content or the suffix of the file decides."
 )
 @output_options
 def import_(file: str, format: str | None, streams: Streams) -> None:

@@ -13,6 +13,7 @@ import click
 from gtb_cli.errors import GtbError, ToleranceError
 from gtb_cli.language.reading import AS_SEEN, Reading
 from gtb_cli.shell.faults import in_options
+from gtb_cli.shell.gathering import option
 from gtb_cli.shell.options import solid_option
 from gtb_cli.shell.several import ReportRequest, report_options
 from gtb_cli.shell.streams import Spec, about, shown_input, spec_of
@@ -29,9 +30,7 @@ MAX_PATCHES_SHOWN = 4  # largest number of patches of a model that are all descr
 
 @click.command
 @report_options(metavar="SPEC|MESH...")
-@click.option(
-    "--up", type=click.Choice(UP), default=UP[0], help="Axis that points up where it is printed; z by default."
-)
+@option("--up", UP, default=UP[0])(help="Axis that points up where it is printed; z by default.")
 @solid_option
 def info(request: ReportRequest, up: Up, solid: Recipe | None) -> None:
     """\b

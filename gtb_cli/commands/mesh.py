@@ -14,6 +14,7 @@ import click
 
 from gtb_cli.errors import ExportError, GtbError, RequirementError
 from gtb_cli.shell.faults import in_options
+from gtb_cli.shell.gathering import option
 from gtb_cli.shell.meshing import MeshOptions, summary
 from gtb_cli.shell.messages import STANDARD
 from gtb_cli.shell.options import INPUT, OUTPUT, check_outputs, mesh_options, output_option, reading_streams
@@ -22,7 +23,6 @@ from gtb_cli.shell.streams import (
     Spec,
     Streams,
     about,
-    file_of_standard_output,
     file_stem,
     input_stem,
     is_device,
@@ -35,7 +35,7 @@ from gtb_cli.shell.surface_files import check_unit, surface_format, write_surfac
 from gtb_cli.shell.watching import watched
 from gtb_cli.shell.workers import Workers, workers_option
 from gtb_cli.values import grouped
-from gtb_cli.vocabulary import CAD_FORMATS, CAD_SUFFIXES, CELL_FORMATS, DEFAULT_UNIT, FORMATS, UNITS, suffix_of
+from gtb_cli.vocabulary import CAD_FORMATS, CELL_FORMATS, DEFAULT_UNIT, FORMATS, UNITS, suffix_of
 
 if TYPE_CHECKING:
     from gtb_cli.shell.manifest import Manifest
@@ -70,24 +70,17 @@ class GroupedOptions(click.Command):
 @output_option
 @mesh_options(*CAD_FORMATS, *CELL_FORMATS)
 @workers_option
-@click.option(
-    "--manifest",
-    metavar="FILE",
-    type=OUTPUT,
+@option("--manifest FILE", OUTPUT)(
     help="Write a JSON object with the versions and options used, and for each mesh file its name, sha256, bytes, "
-    "vertices, faces, area, volume (null where open) and bounds. With -, to standard output.",
+    "vertices, faces, area, volume (null where open) and bounds. With -, to standard output."
 )
-@click.option(
-    "--resume",
-    is_flag=True,
+@option("--resume", bool)(
     help="Make only files that the old manifest does not show to be up to date. Each then appears when made, and "
-    "an interrupted run can be resumed.",
+    "an interrupted run can be resumed."
 )
-@click.option(
-    "--unit",
-    type=click.Choice([*UNITS]),
+@option("--unit", (*UNITS,))(
     help=f"Unit of length of STEP, IGES and 3MF files, {DEFAULT_UNIT} without this option; GLB files, which are "
-    "in metres, are scaled from it.",
+    "in metres, are scaled from it."
 )
 @reading_streams
 @watched
@@ -120,11 +113,6 @@ def mesh(
     place = output if folder is None else os.path.join(folder, "")
     kind = options.format_for(place)
     check_unit(options, kind)
-    if output == STANDARD and options.format is None:
-        meant = CAD_SUFFIXES.get(suffix := suffix_of(name := file_of_standard_output()), suffix)
-        if meant != kind and meant in (*FORMATS, *CAD_FORMATS, *CELL_FORMATS):
-            got = f"{os.path.basename(name)} gets {kind.upper()} from standard output"
-            console.warn(f"{got}: -f {meant} writes {meant.upper()}")
     book = None
     if manifest is not None:
         from gtb_cli.shell.manifest import Manifest

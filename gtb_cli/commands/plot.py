@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import os
 import re
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any, TypeAlias
+from typing import TYPE_CHECKING, Any
 
 import click
 
 from gtb_cli.shell.faults import in_options
-from gtb_cli.shell.gathering import Option
+from gtb_cli.shell.gathering import option
 from gtb_cli.shell.limit_options import limit_options
 from gtb_cli.shell.messages import STANDARD
 from gtb_cli.shell.options import (
@@ -19,7 +19,6 @@ from gtb_cli.shell.options import (
     numbers_of,
     output_to,
     reading_streams,
-    reads,
     resolution_up_to,
     solid_option,
     spec_argument,
@@ -34,18 +33,17 @@ if TYPE_CHECKING:
 
 FIGURE_FORMATS = ("png", "svg", "pdf")  # the default first
 ANIMATION_FORMAT = "gif"
-Limits: TypeAlias = Sequence[tuple[float, float]]
 
 
-def numbers_within(name: str, default: str, metavar: str, limits: Limits, help: str) -> Option:
-    """Add an option of as many numbers as there are limits, each within its own."""
+def within(name: str, limits: Sequence[tuple[float, float]]) -> Callable[[str], tuple[float, ...]]:
+    """Return the function that reads as many numbers as there are limits, each within its own."""
 
     def read(text: str) -> tuple[float, ...]:
         from gtb_cli.plots.look import numbers_in
 
-        return numbers_in(name.strip("-"), numbers_of(text), limits)
+        return numbers_in(name, numbers_of(text), limits)
 
-    return click.option(name, callback=reads(read), default=default, show_default=True, metavar=metavar, help=help)
+    return read
 
 
 def variation_of(text: str) -> tuple[str, int, tuple[float, ...], tuple[str, ...]]:
@@ -58,49 +56,35 @@ def variation_of(text: str) -> tuple[str, int, tuple[float, ...], tuple[str, ...
 
 @click.command
 @spec_argument
-@output_to(
-    metavar="FIG",
-    default=[STANDARD],
-    help="Write to this file: PNG, SVG, PDF or a film, by its suffix. Without it, or with -, to standard output.",
+@output_to("-o, --output FIG", default=[STANDARD])(
+    help="Write to this file: PNG, SVG, PDF or a film, by its suffix. Without it, or with -, to standard output."
 )
-@click.option(
-    "--what", type=click.Choice(PLOT_KINDS), help="What to draw; by default a curve, a surface or a sequence."
+@option("--what", PLOT_KINDS)(help="What to draw; by default a curve, a surface or a sequence.")
+@option("-f, --format", (*FIGURE_FORMATS, ANIMATION_FORMAT))(
+    help="Format, whatever FIG is called; png on standard output."
 )
-@click.option(
-    "-f",
-    "--format",
-    type=click.Choice((*FIGURE_FORMATS, ANIMATION_FORMAT)),
-    help="Format, whatever FIG is called; png on standard output.",
+@option("--size W,H", within("size", SIZE_LIMITS), default="6,4.5", show_default=True)(
+    help="Width and height in inches."
 )
-@numbers_within("--size", "6,4.5", "W,H", SIZE_LIMITS, "Width and height in inches.")
-@click.option("--dpi", type=WholeNumber(20, 1200), default=150, show_default=True, metavar="N", help="Pixels per inch.")
-@numbers_within(
-    "--camera", "-60,30", "AZ,EL", CAMERA_LIMITS, "Where the eye is: degrees around the z axis, and above the xy plane."
+@option("--dpi N", WholeNumber(20, 1200), default=150, show_default=True)(help="Pixels per inch.")
+@option("--camera AZ,EL", within("camera", CAMERA_LIMITS), default="-60,30", show_default=True)(
+    help="Where the eye is: degrees around the z axis, and above the xy plane."
 )
-@numbers_within(
-    "--stretch",
-    "1,1,1",
-    "X,Y,Z",
-    STRETCH_LIMITS,
-    "Factors along the axes, for shapes that are too long or too flat to be seen.",
+@option("--stretch X,Y,Z", within("stretch", STRETCH_LIMITS), default="1,1,1", show_default=True)(
+    help="Factors along the axes, for shapes that are too long or too flat to be seen."
 )
-@click.option("--labels/--no-labels", default=None, help="Number points, knots and edges; by default if they are few.")
-@click.option("--net/--no-net", default=None, help="Draw control points and net; by default for a single patch.")
-@click.option("--curvature", type=click.Choice(["gaussian", "mean"]), help="Colour a surface by its curvature.")
-@click.option("--colours", type=click.Choice(COLOUR_MAPS), help="Map of numbers to colours.")
-@click.option(
-    "--index", type=WholeNumber(0), multiple=True, metavar="I", help="Draw only this basis function. May be repeated."
+@option("--labels/--no-labels", bool, default=None)(help="Number points, knots and edges; by default if they are few.")
+@option("--net/--no-net", bool, default=None)(help="Draw control points and net; by default for a single patch.")
+@option("--curvature", ("gaussian", "mean"))(help="Colour a surface by its curvature.")
+@option("--colours", COLOUR_MAPS)(help="Map of numbers to colours.")
+@option("--index I", WholeNumber(0), multiple=True)(help="Draw only this basis function. May be repeated.")
+@option("--unnormalised", bool)(help="Draw the basis β_i instead of the rational one, T_i.")
+@option("--lifted", bool)(help="Draw lifted knots and their upper hull above the decomposition.")
+@option("--vary KEY[I]=V,…", variation_of)(
+    help="Draw a curve, a surface or its basis for several values of a weight, a coefficient, or a knot of a curve."
 )
-@click.option("--unnormalised", is_flag=True, help="Draw the basis β_i instead of the rational one, T_i.")
-@click.option("--lifted", is_flag=True, help="Draw lifted knots and their upper hull above the decomposition.")
-@click.option(
-    "--vary",
-    callback=reads(variation_of),
-    metavar="KEY[I]=V,…",
-    help="Draw a curve, a surface or its basis for several values of a weight, a coefficient, or a knot of a curve.",
-)
-@resolution_up_to(
-    type=WholeNumber(1, 1000), help="Segments along each edge of the domain; by default as fine as the figure can show."
+@resolution_up_to(WholeNumber(1, 1000))(
+    help="Segments along each edge of the domain; by default as fine as the figure can show."
 )
 @solid_option
 @limit_options

@@ -3,7 +3,8 @@
 import click
 
 from gtb_cli.errors import SpecError
-from gtb_cli.shell.options import WholeNumber, numbers_option, spec_argument, spec_from_spec, streams_options
+from gtb_cli.shell.gathering import option
+from gtb_cli.shell.options import WholeNumber, numbers_of, spec_argument, spec_from_spec, streams_options
 from gtb_cli.shell.streams import Spec, Streams, single
 from gtb_cli.vocabulary import ENERGIES, KEEPS, Fairness, Keep
 
@@ -23,12 +24,8 @@ def expand(spec: Spec) -> Spec:
 
 @click.command
 @spec_argument
-@click.option(
-    "--by",
-    type=WholeNumber(0, 1000),
-    metavar="D",
-    default=1,
-    help="Number of elevations, which for a Bézier patch is the number of degrees; 1 without this option.",
+@option("--by D", WholeNumber(0, 1000), default=1)(
+    help="Number of elevations, which for a Bézier patch is the number of degrees; 1 without this option."
 )
 @spec_from_spec
 def elevate(spec: Spec, by: int) -> Spec:
@@ -72,10 +69,8 @@ def boundary(spec: Spec, edge: int | None) -> Spec:
 
 @click.command
 @spec_argument
-@numbers_option(
-    "--split",
-    metavar="T",
-    help="Split a curve at this parameter. By default where each T_i is the share of c_i ω_i in their sum.",
+@option("--split T", numbers_of)(
+    help="Split a curve at this parameter. By default where each T_i is the share of c_i ω_i in their sum."
 )
 @streams_options
 def bezier(spec: str, split: tuple[float, ...] | None, streams: Streams) -> None:
@@ -109,10 +104,8 @@ def bezier(spec: str, split: tuple[float, ...] | None, streams: Streams) -> None
 
 @click.command
 @spec_argument
-@numbers_option(
-    "--at",
-    metavar="T,…",
-    help="As many parameters as knots; for a surface u,v,u,v,… By default they are spread over the domain.",
+@option("--at T,…", numbers_of)(
+    help="As many parameters as knots; for a surface u,v,u,v,… By default they are spread over the domain."
 )
 @spec_from_spec
 def coefficients(spec: Spec, at: tuple[float, ...] | None) -> Spec:
@@ -138,17 +131,11 @@ def coefficients(spec: Spec, at: tuple[float, ...] | None) -> Spec:
 
 @click.command
 @spec_argument
-@click.option(
-    "--energy",
-    type=click.Choice(ENERGIES),
-    default=ENERGIES[0],
-    help="What is made small: bending and its variation, the default, or the bending of a thin plate, or stretching.",
+@option("--energy", ENERGIES, default=ENERGIES[0])(
+    help="What is made small: bending and its variation, the default, or the bending of a thin plate, or stretching."
 )
-@click.option(
-    "--keep",
-    type=click.Choice(KEEPS),
-    default=KEEPS[0],
-    help="What stays along edges: the curve, the default, or also tangent planes, or also curvatures.",
+@option("--keep", KEEPS, default=KEEPS[0])(
+    help="What stays along edges: the curve, the default, or also tangent planes, or also curvatures."
 )
 @streams_options
 def fair(spec: str, energy: Fairness, keep: Keep, streams: Streams) -> None:

@@ -55,10 +55,8 @@ def degenerate(spec: str, xs: tuple[float, ...], lifting: tuple[float, ...] | in
     help="Move knot K to the place of knot Q. May be given several times; chains such as 1:2 and 2:3 end at 3.",
 )
 @steps_option(
-    default="0,0.4,0.8",  # as in Example 4.2 of the paper
-    show_default=True,
-    help="Write a mesh for each of these fractions of the way.",
-)
+    default="0,0.4,0.8", show_default=True, help="Write a mesh for each of these fractions of the way."
+)  # of Example 4.2
 @sequence_options("Print the spec of the merged patch; -o may then be left out.")
 def knot_limit(spec: str, moves: dict[int, int], steps: tuple[float, ...], out: SequenceOutput) -> None:
     """\b

@@ -11,7 +11,7 @@ import click
 from gtb_cli.errors import ToleranceError
 from gtb_cli.language.reading import Numbers, Reading
 from gtb_cli.shell.faults import in_options
-from gtb_cli.shell.gathering import gathered
+from gtb_cli.shell.gathering import gathered, option
 from gtb_cli.shell.limit_options import limit_options
 from gtb_cli.shell.meshing import MeshOptions
 from gtb_cli.shell.messages import STANDARD, Console
@@ -44,32 +44,27 @@ def _recipe(**values: Any) -> Recipe | None:
 
 @click.command
 @click.argument("paths", metavar="SPEC|MESH|FOLDER...", nargs=-1, required=True, type=INPUT)
-@output_to(
-    metavar="PAGE.html", help="Write the page to this file; by default to a temporary file, which the browser opens."
+@output_to("-o, --output PAGE.html")(
+    help="Write the page to this file; by default to a temporary file, which the browser opens."
 )
 @gathered(
     "recipe",
     _recipe,
-    resolution_up_to(
-        type=WholeNumber(1, 10_000),
-        help=f"Segments along each edge of the domain. By default as many as a screen shows; {RESOLUTION} for a solid.",
+    resolution_up_to(WholeNumber(1, 10_000))(
+        help=f"Segments along each edge of the domain. By default as many as a screen shows; {RESOLUTION} for a solid."
     ),
     tolerance_option,
     *solid_options,
     weld_option,
     takes=Recipe,
 )
-@click.option(
-    "--unit",
-    type=click.Choice([*UNITS]),
+@option("--unit", (*UNITS,))(
     help="Unit of length: mm, as slicers take it, for a solid by --thickness or --radius and for STL files, otherwise "
-    "none. Areas and volumes of mm are in cm² and cm³ from 1 on.",
+    "none. Areas and volumes of mm are in cm² and cm³ from 1 on."
 )
-@click.option("--no-open", is_flag=True, help="Do not open a browser; say where the page is.")
-@click.option("--watch", is_flag=True, help="Serve the page on this machine only, and follow the files until Ctrl-C.")
-@click.option(
-    "--port", type=WholeNumber(0, 65535), default=0, metavar="N", help="Port of --watch; by default any free one."
-)
+@option("--no-open", bool)(help="Do not open a browser; say where the page is.")
+@option("--watch", bool)(help="Serve the page on this machine only, and follow the files until Ctrl-C.")
+@option("--port N", WholeNumber(0, 65535), default=0)(help="Port of --watch; by default any free one.")
 @limit_options
 @filling_option
 @console_option

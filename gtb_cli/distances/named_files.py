@@ -22,7 +22,9 @@ def named_files(known: KnownMesh, path: str) -> dict[str, bytes | str]:
 
     def hold(lines: Iterable[str], place: str = "") -> None:
         """Hold what lines name, perhaps in quotes, each several files, or one with blanks after options."""
-        for line in (each.replace("\\", "/").replace('"', "").strip() for each in dict.fromkeys(lines)):
+        if len(distinct := dict.fromkeys(lines)) > (most := 10_000):
+            raise GtbError(f"{path}: it, or a library of it, names more than {most} files")
+        for line in (each.replace("\\", "/").replace('"', "").strip() for each in distinct):
             ends = (end for k in range(20) for end in line.split(None, k)[-1:] if " " in end)
             names = next(([end] for end in ends if os.path.isfile(beside(place, end))), line.split())
             for name in (os.path.join(place, name) for name in names):

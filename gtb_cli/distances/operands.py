@@ -1,7 +1,6 @@
 """What is compared: meshes, patches, models, and files of meshes or specs, as they are read."""
 
 import os
-from bisect import bisect_left
 from dataclasses import replace
 from functools import cached_property
 from typing import IO, TypeAlias
@@ -123,13 +122,6 @@ def decoded(data: bytes, name: str, recipe: Recipe, reading: Reading = AS_SEEN) 
     if b"\0" in data[:BEGINNING_BYTES] and not reading.spec_format:
         raise GtbError(f"{name}: is {kind_of(data) or 'neither a mesh nor a spec'}")
     return Operand(parse(data, name, reading.spec_format or spec_format_of(name), dict(reading.let)), recipe, name)
-
-
-def made_with(spec: Spec, cells: int) -> int | None:
-    """Return the resolution with which a spec has so many cells, or None."""
-    most = 4096  # segments of an edge
-    found = 1 + bisect_left(range(1, most), cells, key=lambda resolution: Recipe(resolution).faces(spec))
-    return found if Recipe(found).faces(spec) == cells else None
 
 
 def _computed(mesh: Mesh) -> KnownMesh:

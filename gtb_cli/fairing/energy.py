@@ -1,4 +1,4 @@
-"""Thin-plate and Dirichlet energy in the linear parametrisation, where `gtb fair` begins; its own is that of `descent`.
+"""Thin-plate and Dirichlet energy, where `gtb fair` begins (matrices: `metric`); its own: `variation`, `descent`.
 
 Near an edge second derivatives grow like h^(r − 2), h the distance from it and r the ratio of the second to the first
 height of knots over it, and so do curvatures: over all of Δ the thin-plate integral is infinite for r ≤ 1.5, and at a

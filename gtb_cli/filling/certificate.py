@@ -14,7 +14,7 @@ from gtb_cli.fairing.folds import highest, most_curved, sharp_turns as turns
 from gtb_cli.fairing.variation import Bending
 from gtb_cli.filling.hole_corners import at_ends, corners
 from gtb_cli.filling.osculation import Rim, patch_bend
-from gtb_cli.filling.sides import HoleSide, edge_normals, edge_of, points_and_tangents, stations
+from gtb_cli.filling.sides import HoleSide, edge_normals, points_and_tangents, stations
 from gtb_cli.models.model import Model
 from gtb_cli.theory.corners import PLANE_DEGREES, CornerLayer, CornerLimits, corner_layer
 from gtb_cli.theory.patch import Patch
@@ -201,7 +201,7 @@ class Filling:
         rates = np.linspace(-6, 6, 241)  # to where the edges are, at such a distance
         far = np.full(len(rates), math.log(distance))
         for _ in range(4):
-            near = corner_layer(*surface, edge_of(self.patch, corner), np.stack([rates, far]))
+            near = corner_layer(*surface, corner, np.stack([rates, far]))
             far += np.nan_to_num(np.log(distance / near.distances))
         return CornerLimits(near.normals[np.isfinite(near.distances)]).angle
 
@@ -218,15 +218,15 @@ def contact(patch: Patch, side: int, given: HoleSide, normals: FloatArray | None
     found = Contact(float(angles[k]), points[k])
     if given.bend is None:
         return found
-    bend = np.abs(patch_bend(patch, edge_of(patch, side), given.curve, normals) - given.bend)
+    bend = np.abs(patch_bend(patch, side, given.curve, normals) - given.bend)
     k = int(bend.argmax())
-    inside, there = patch.curvature(hundredth_inside(patch, edge_of(patch, side), given.curve), "linear").mean
+    inside, there = patch.curvature(hundredth_inside(patch, side, given.curve), "linear").mean
     return replace(found, bend=float(bend[k]), bend_place=points[k], bend_inside=2 * float(abs(inside - there).max()))
 
 
 def angles_to(patch: Patch, side: int, normals: FloatArray) -> FloatArray:
     """Return the angles in degrees between the patch's and the given normals at the `stations` of a side."""
-    return angles_between(edge_normals(patch, edge_of(patch, side), stations()), normals)
+    return angles_between(edge_normals(patch, side, stations()), normals)
 
 
 def hundredth_inside(patch: Patch, edge: int, curve: FloatArray, count: int = 31) -> FloatArray:

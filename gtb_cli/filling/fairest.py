@@ -16,9 +16,8 @@ from gtb_cli.fairing.metric import Block, blocks, forms, frame
 from gtb_cli.fairing.variation import Bending, bendings
 from gtb_cli.filling.algebraic import ways_to_surface
 from gtb_cli.filling.certificate import hundredth_inside
+from gtb_cli.filling.control_points import CROSSING
 from gtb_cli.filling.hole_corners import forced_curvatures
-from gtb_cli.filling.rows import CROSSING
-from gtb_cli.filling.sides import edge_of
 from gtb_cli.filling.tangent_rows import EdgeRows
 from gtb_cli.knots.domain import Domain
 from gtb_cli.moment.moment_map import MomentMap
@@ -53,9 +52,8 @@ class FairSearch:
         self._given = {k: each.second for k, each in enumerate(edges) if each.second is not None}
         # Where curvature is given along edges, less bending is had by leaving it just inside them.
         self._power = 0 if self._given else BENDING_POWER
-        places = [int(np.abs(domain.vertices - at.knots[k]).sum(axis=1).argmin()) for k in range(len(edges))]
         forced, lengths = forced_curvatures([each.curve for each in edges], [each.normals for each in edges])
-        self._most = np.maximum(MOST_CURVED, OF_FORCED * forced * lengths)[np.argsort(places)]
+        self._most = np.maximum(MOST_CURVED, OF_FORCED * forced * lengths)
         # Two energies: of what is seen, and of what is not, too, the less the nearer it is to the boundary
         self._zones = at.areas * np.stack([depths**16, depths**4])
         parts = (np.flatnonzero(each) for each in (depths == 1, depths < 1))
@@ -125,7 +123,7 @@ class FairSearch:
     def _strips_of(self, points: FloatArray) -> tuple[list[Block], FloatArray, float]:
         """Return places a hundredth inside edges of given curvature, κ₁ + κ₂ at these, and what differs too much."""
         patch = Patch(self._places.knots, points, log_weights=self._places.log_weights)
-        pairs = [hundredth_inside(patch, edge_of(patch, k), row.curve, 24) for k, row in self._given.items()]
+        pairs = [hundredth_inside(patch, k, row.curve, 24) for k, row in self._given.items()]
         places = np.concatenate(pairs, axis=1)
         inside, on_edges = -2 * patch.curvature(places, "linear").mean
         none = 0.08  # difference of curvature, of the largest

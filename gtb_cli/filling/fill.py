@@ -21,7 +21,7 @@ from gtb_cli.filling.hole_files import read_loop
 from gtb_cli.filling.holes import Ring, hole_edges, model_rings, one_ring, ring_sides
 from gtb_cli.filling.one_patch import closed, fill_loop, met_with
 from gtb_cli.filling.part_holes import Part
-from gtb_cli.filling.sides import HoleSide, edge_of, points_and_tangents, stations
+from gtb_cli.filling.sides import HoleSide, points_and_tangents, stations
 from gtb_cli.filling.strips import curve_sides
 from gtb_cli.knots.even_triangulation import central_triangulation
 from gtb_cli.language.document import MAX_BYTES
@@ -246,7 +246,7 @@ def _beside(neighbours: Sequence[Patch], filling: Filling) -> Filling:
     model = Model((*neighbours, *filling.patches))
     seams = {ref: seam for seam in model.seams for ref in (seam.first, seam.second)}
     parts = enumerate(filling.parts or (filling,), len(neighbours))
-    edges = [seams.get((p, edge_of(part.patch, k))) for p, part in parts for k in range(len(part.sides))]
+    edges = [seams.get((p, k)) for p, part in parts for k in range(len(part.sides))]
     contacts = tuple(
         contact if seam is None else replace(contact, bend=seam.bend, bend_place=seam.bend_place)
         for contact, seam in zip(filling.contacts, edges, strict=True)

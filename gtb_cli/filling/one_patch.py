@@ -9,7 +9,7 @@ domain, then in that of the surface.
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
-from functools import partial
+from functools import cache, partial
 from operator import itemgetter
 from typing import NamedTuple
 
@@ -22,12 +22,12 @@ from gtb_cli.fairing.fair import agreed
 from gtb_cli.fairing.folds import folds as fold_places, most_curved, sharp_turns
 from gtb_cli.fairing.variation import Bending
 from gtb_cli.filling.certificate import DISAGREEING, SPIKE, Filling, angles_to, contact, corner_bends, curvature_near
+from gtb_cli.filling.control_points import Rows
 from gtb_cli.filling.corner_equations import POINT
 from gtb_cli.filling.fairest import NEARER, VISIBLE, FairSearch
 from gtb_cli.filling.hole_corners import corners, end_normals, forced_curvatures
-from gtb_cli.filling.net import net
-from gtb_cli.filling.rows import Rows
-from gtb_cli.filling.sides import HoleSide, edge_of, loop, side_normals
+from gtb_cli.filling.knots_and_weights import net
+from gtb_cli.filling.sides import HoleSide, loop, side_normals
 from gtb_cli.filling.spline_sides import single_curves
 from gtb_cli.filling.tangent_rows import EdgeRows, edge_rows
 from gtb_cli.knots.domain import domain
@@ -48,9 +48,12 @@ class _Attempt(NamedTuple):
     sharp_turns: int
     raises: tuple[int, ...]
     patch: Patch
-    bending: Sequence[Bending] = ()  # in both zones; none of a rough patch
-    errors: FloatArray = np.zeros((2, 2))
-    sharpness: float = 0.0  # as of a `Filling`, where planes are given
+    # Bending in both zones, their errors and, where planes are given, the sharpness of a `Filling`: asked for if needed
+    measured: Callable[[], tuple[Sequence[Bending], FloatArray, float]] = lambda: ((), np.zeros((2, 2)), 0.0)
+
+    @property
+    def sharpness(self) -> float:
+        return self.measured()[2]
 
 
 def fill_loop(
@@ -95,7 +98,7 @@ def fill_loop(
     met = [None] * len(unit) if fullness == 1 and _is_flat(unit, normals, far) else normals
     attempt = partial(_attempt, unit, normals, met, np.flatnonzero(sound).tolist(), inner, fullness)
     best = _best(attempt, _plans(unit, raises))
-    patch, (bending, nearer) = best.patch, best.bending
+    patch, ((bending, nearer), errors, _) = best.patch, best.measured()
     points = patch.control_points * size + middle
     points[: len(ordered)] = [side.ends[0] for side in ordered]
     patch = Patch(patch.knots, points, log_weights=patch.log_weights - patch.log_weights[0], name=name)
@@ -109,10 +112,9 @@ def fill_loop(
                 f"{side.name}: the nearest row of knots has curvatures {found.bend:.2g} off its neighbour's, "
                 f"{share:.1%} of the largest: `g2_tolerance` bounds it, and g1 asks for none"
             )
-    at = [edge_of(patch, k) for k in range(len(ordered))]
-    limits, turned = tuple(corner_limits(patch, edge) for edge in at), 0 if best.folds else best.sharp_turns
-    measured = bending.scaled(size), nearer.scaled(size), best.errors, contacts, corner_angles, limits
-    curved = tuple(np.array([curvature_near(best.patch, edge) for edge in at]) / size)
+    limits, turned = tuple(corner_limits(patch, k) for k in range(len(ordered))), 0 if best.folds else best.sharp_turns
+    measured = bending.scaled(size), nearer.scaled(size), errors, contacts, corner_angles, limits
+    curved = tuple(np.array([curvature_near(best.patch, k) for k in range(len(ordered))]) / size)
     forced = tuple((forced_curvatures([side.curve for side in unit], normals)[0] / size).tolist())
     return Filling(patch, ordered, *measured, curved, forced, best.raises, best.folds, turned, tuple(remarks))
 
@@ -190,7 +192,7 @@ def _best(attempt: Callable[[int, bool], _Attempt], plans: Sequence[tuple[int, b
     """Carry out plans until a patch has no fault, and none that is much fairer has some; or two are hopeless."""
     rank = itemgetter(slice(2))
     best = attempt(*plans[0])
-    if best.sharpness > SPIKE and not (best.faults or best.after_others):  # mostly far less so with single fields
+    if not (best.faults or best.after_others) and best.sharpness > SPIKE:  # mostly far less so with single fields
         for plan in sorted(plans[1:], key=lambda plan: (not plan[1], plan[0]))[:4]:
             best = min(best, tried := attempt(*plan), key=lambda each: (each.sharpness > Filling.refused, *rank(each)))
             if not tried.faults and tried.sharpness <= SPIKE:
@@ -234,11 +236,16 @@ def _attempt(
         if not found[-1].faults:
             break
     best = min(found, key=lambda each: each[:2])
-    (bent,), errors, zones = agreed(best.patch, [best.patch.control_points], quadratures)
-    most_bent = np.maximum.accumulate([most_curved(best.patch, at, quadratures[-1])[0] for at in zones]).tolist()
+    return best._replace(
+        measured=cache(partial(_measured, best.patch, quadratures, any(n is not None for n in normals)))
+    )
+
+
+def _measured(patch: Patch, quadratures: Sequence[int], planes: bool) -> tuple[list[Bending], FloatArray, float]:
+    (bent,), errors, zones = agreed(patch, [patch.control_points], quadratures)
+    most_bent = np.maximum.accumulate([most_curved(patch, at, quadratures[-1])[0] for at in zones]).tolist()
     bending = [replace(b, curvature=max(b.curvature, most)) for b, most in zip(bent, most_bent, strict=True)]
-    sharpness = bending[0].curvature * math.sqrt(bending[0].area / (4 * math.pi)) * any(n is not None for n in normals)
-    return best._replace(bending=bending, errors=errors, sharpness=sharpness)
+    return bending, errors, bending[0].curvature * math.sqrt(bending[0].area / (4 * math.pi)) * planes
 
 
 def _solved(edges: Sequence[EdgeRows], inner: str, fullness: float) -> Iterator[tuple[Patch, float]]:

@@ -207,11 +207,6 @@ def bezier_form(curve: Patch, rows: Sequence[FloatArray] = (), name: str = "curv
     return tuple(table / factors for table in found)
 
 
-def edge_of(patch: Patch, side: int) -> int:
-    """Return the edge of a filling that is a side: each begins at the knot of its number."""
-    return int(np.abs(patch.domain.vertices - patch.knots[side]).sum(axis=1).argmin())
-
-
 def edge_places(patch: Patch, edge: int, t: FloatArray) -> Location:
     """Locate (m,) Bézier parameters in (0, 1) of a surface's edge, for its normals and curvatures there.
 

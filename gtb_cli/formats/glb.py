@@ -3,6 +3,7 @@
 import json
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
+from functools import cache, partial
 from typing import Any, TypeAlias
 from urllib.parse import unquote
 
@@ -91,10 +92,8 @@ def glb_blocks(
     if total > 2**32 - 1:  # the header has 32 bits for it
         raise ExportError(f"GLB: holds no more than 4 GB, and this has {total / 1e9:.1f}")
     whole_size, text_size, body_size = (size.to_bytes(4, "little") for size in (total, len(text), length))
-    return [
-        b"glTF\2\0\0\0" + whole_size + text_size + b"JSON" + text + body_size + b"BIN\0",
-        *(content for *_, content in chunks),
-    ]
+    head = b"glTF\2\0\0\0" + whole_size + text_size + b"JSON" + text + body_size + b"BIN\0"
+    return [head, *(content for *_, content in chunks)]
 
 
 @contextmanager
@@ -118,26 +117,27 @@ def read_glb(data: bytes) -> FileArrays:
     groups = []
     others: dict[str, list[_Part]] = {}
     materials: list[tuple[list[float], int, int]] = []
-    scene = Scene(tree, binary)
+    scene = Scene(tree, binary, len(data))
+    numbers_of, look_of = cache(partial(accessor_values, tree, binary)), cache(scene.material)
     count = rows = used = 0
     for mesh, name, place in scene.placed_meshes():
         before, starts = rows, dict[str, int]()  # of vertices, which primitives of a mesh may share
         for primitive in mesh["primitives"]:
-            mode = primitive.get("mode", 4)
-            if mode == 0:  # points
+            used += 20  # points take time as well
+            if used > most:
+                raise GtbError(f"has more than {most} vertices and corners of cells in all nodes together")
+            if (mode := primitive.get("mode", 4)) == 0:  # points
                 continue
-            positions = accessor_values(tree, binary, primitive["attributes"]["POSITION"])
+            positions = numbers_of(primitive["attributes"]["POSITION"])
             if positions.shape[1] != 3 or positions.dtype != SINGLE_FLOAT:
                 raise GtbError("POSITION: expected vectors of three 32-bit numbers")
             corners: NDArray[Any] = np.arange(len(positions))[:, None]
             if "indices" in primitive:
-                corners = accessor_values(tree, binary, primitive["indices"])
+                corners = numbers_of(primitive["indices"])
             if corners.shape[1] != 1 or corners.dtype.kind not in "iu":
                 raise GtbError("indices: expected whole numbers")
             start = starts.setdefault(str(primitive["attributes"]), count)
             used += len(corners) + effort + (len(positions) + 20 * len(primitive["attributes"])) * (start == count)
-            if used > most:
-                raise GtbError(f"has more than {most} vertices and corners of cells in all nodes together")
             if len(corners) and not 0 <= corners.min() <= corners.max() < len(positions):
                 raise GtbError(f"indices: expected numbers below {len(positions)}, got {corners.max()}")
             found = as_indices(shifted(_cells(corners[:, 0], mode), start), np.int32)
@@ -150,7 +150,7 @@ def read_glb(data: bytes) -> FileArrays:
                         others.setdefault(attribute, []).append((count, len(positions), number, place[:3, :3]))
                 count += len(positions)
             rows += len(found)
-            materials.append((scene.material(primitive.get("material")), rows - len(found), rows))
+            materials.append((look_of(primitive.get("material")), rows - len(found), rows))
         if (name := name or str(mesh.get("name", ""))) and rows > before:
             groups.append((name, before, rows))
     if cells[2] and cells[3]:

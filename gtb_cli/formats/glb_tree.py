@@ -4,7 +4,6 @@ import json
 from collections import Counter
 from collections.abc import Iterator
 from contextlib import suppress
-from functools import partial
 from typing import Any
 
 import numpy as np
@@ -87,9 +86,9 @@ def meant(rows: NDArray[Any], accessor: dict[str, Any]) -> FloatArray:
 class Scene:
     """The nodes that are shown, and what is said of them, whatever the numbers in tables, and without defaults."""
 
-    def __init__(self, tree: dict[str, Any], binary: bytes) -> None:
+    def __init__(self, tree: dict[str, Any], binary: bytes, size: int) -> None:
         self.tree, self.binary = tree, binary
-        self.placed = [*_placed_nodes(tree)]
+        self.placed = [*_placed_nodes(tree, 20_000 + size // 100)]
         self.asset, known = tree.get("asset", {}), {"unit": UNITS, "up": ("y", "z")}
         extras = self.asset.get("extras")  # said are those that gtb writes
         said = extras.items() if isinstance(extras, dict) else ()
@@ -104,7 +103,7 @@ class Scene:
                 yield self.tree["meshes"][_index(node["mesh"])], str(node.get("name", "")), place
 
     def material(self, number: int | None) -> list[float]:
-        """Return the colour of a material, the default one's for None, and a mark of all else but its name."""
+        """Return the colour of a material, the default one's for None, and a mark of all else, its name too."""
         material = {} if number is None else self.tree["materials"][number]
         colour = material.get("pbrMetallicRoughness", {}).get(COLOUR, (1, 1, 1, 1))
         if len(colour) != 4:
@@ -125,24 +124,32 @@ class Scene:
         labels = {number: names[k] if uses[names[k]] == 1 else k for k, (number, *_) in enumerate(self.placed)}
         self._marks |= {("nodes", number): label for number, label in labels.items()}
         are_posed = len(scenes) > 1 or self.tree.get("skins") or self.tree.get("animations")  # their places count
-        has_several, path = sum("mesh" not in nodes[number] for number in labels) > 1, list[Any]([None])
-        shown, of_nodes = set[int](), []
+        has_root = sum(depth == 0 for _, depth, _ in self.placed) == 1
+        are_several = sum("mesh" in nodes[number] for number in labels) > 1
+        of_meshes, of_nodes = dict[tuple[int, bool], tuple[Any, bool]](), []  # marks, and whether they have points
+        path = list[Any]([None])  # of names, without that of a root that holds all
+        least = 1e-9 * max((np.abs(place[:3, 3]).max() for *_, place in self.placed), default=0.0)
         for number, depth, place in self.placed:
-            node, rest = nodes[number], list[dict[str, Any]]()
+            node, has_place = nodes[number], False
             said = without(node, {"mesh"} if are_posed else placing)
             if "mesh" in node:
-                shown.add(_index(node["mesh"]))
-                mesh = meshes[_index(node["mesh"])]
-                rest = [each if each.get("mode") == 0 else without(each, drawing) for each in mesh["primitives"]]
-                said["mesh"] = without(mesh, {"name"}) | {"primitives": rest}
+                mesh = meshes[key := _index(node["mesh"])]
+                has_own = are_several and "name" in node and mesh.get("name") != node["name"]
+                if (key, has_own) not in of_meshes:  # many nodes may share it
+                    rest = [each if each.get("mode") == 0 else without(each, drawing) for each in mesh["primitives"]]
+                    told = self._told(without(mesh, set() if has_own else {"name"}) | {"primitives": rest}, "mesh")
+                    mark = mark_of(json.dumps(told, sort_keys=True)) if told else None
+                    of_meshes[key, has_own] = mark, any("attributes" in each for each in rest)
+                said["mesh"], has_place = of_meshes[key, has_own]
             is_lone = "mesh" not in node and (said or not node.get("children"))  # as a camera is
-            if is_lone or any("attributes" in each for each in rest):  # of points
-                size = np.abs(place).max() or 1.0
-                said["place"] = [*(np.round(place / size, 6) + 0.0).ravel().tolist(), float(f"{size:.6g}")]
-            path[depth + 1 :] = [mark_of(f"{path[depth]} {node['name']}") if "name" in node else path[depth]]
-            if has_several:
-                said["path"] = path[depth + ("mesh" not in node)]
-            if told := self._told(said):
+            if has_place or is_lone:
+                said["place"] = []
+                for part, low in ((place[:3, :3], 0.0), (place[:3, 3], least)):  # rounding is not a shift
+                    size = largest if (largest := np.abs(part).max()) > low else np.inf
+                    said["place"] += [*(np.round(part / size, 6) + 0.0).ravel().tolist(), float(f"{size:.7g}")]
+            counts = "mesh" in node or ("name" in node and not (has_root and depth == 0))
+            path[depth + 1 :] = [mark_of(f"{path[depth]} {node.get('name')}") if counts else path[depth]]
+            if told := self._told(said | {"path": path[depth]} if "mesh" in node or is_lone else said):
                 of_nodes.append(told | {"node": labels[number]})
         found = {name: self.tree.get(name) for name in ("skins", "animations", "cameras", "extensions", "extras")}
         extras = self.asset.get("extras")
@@ -154,9 +161,9 @@ class Scene:
         found["scenes"] = scenes if len(scenes) > 1 else [without(scene, {"nodes", "name"}) for scene in scenes]
         told = self._told(found)
         unseen = [node for number, node in enumerate(nodes) if number not in labels]
-        unseen += [mesh for number, mesh in enumerate(meshes) if number not in shown]
+        unseen += [mesh for number, mesh in enumerate(meshes) if number not in {key for key, _ in of_meshes}]
         for name, values in (("nodes", of_nodes), ("others", [*map(self._told, unseen)])):  # in any order
-            told |= {name: sorted(values, key=partial(json.dumps, sort_keys=True))} if values else {}
+            told |= {name: sorted(json.dumps(each, sort_keys=True) for each in values)} if values else {}
         if self._left <= 0:
             raise GtbError("has parts of its buffer that overlap, which would be more than four times the file")
         return mark_of(json.dumps(told, sort_keys=True)) if told else None
@@ -221,27 +228,29 @@ _DEFAULTS |= {"alphaMode": "OPAQUE", "alphaCutoff": 0.5, "doubleSided": False, "
 _DEFAULTS |= {"wrapS": 10497, "wrapT": 10497, "interpolation": "LINEAR"}
 
 
-def _placed_nodes(tree: dict[str, Any]) -> Iterator[tuple[int, int, FloatArray]]:
+def _placed_nodes(tree: dict[str, Any], most: int) -> Iterator[tuple[int, int, FloatArray]]:
     """Yield the nodes of a scene, each before those within it: their numbers, depths and (4, 4) places."""
     harmless = {"materials_unlit", "texture_transform", "lights_punctual", "materials_specular"}
-    most = 100  # nodes within nodes
+    deepest = 100  # nodes within nodes
     if needed := set(tree.get("extensionsRequired", ())) - {f"KHR_{name}" for name in harmless}:
         raise GtbError(f"needs {', '.join(sorted(map(str, needed)))}, which is not known here")
-    nodes = tree.get("nodes", [])
+    if len(nodes := tree.get("nodes", [])) > most:
+        raise GtbError(f"has {len(nodes)} nodes, more than {most} for its bytes")
     if "scenes" in tree:
         roots = tree["scenes"][tree.get("scene", 0)].get("nodes", [])
     else:
         inner = {child for node in nodes for child in node.get("children", ())}
         roots = [index for index in range(len(nodes)) if index not in inner]
-    stack = [(_index(root), np.eye(4), 0) for root in reversed(roots)]
+    world = np.eye(4)
+    stack = [(_index(root), world, 0) for root in reversed(roots)]
     seen = set()
     while stack:
         index, above, depth = stack.pop()
         if index in seen:  # glTF has trees of nodes only; others can be longer than any file
             raise GtbError(f"has node {index} in two places")
         seen.add(index)
-        if depth > most:
-            raise GtbError(f"has nodes within nodes more than {most} deep")
+        if depth > deepest:
+            raise GtbError(f"has nodes within nodes more than {deepest} deep")
         place = above @ _matrix(nodes[index])
         yield index, depth, place
         stack += [(_index(child), place, depth + 1) for child in reversed(nodes[index].get("children", []))]

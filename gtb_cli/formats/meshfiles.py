@@ -5,6 +5,7 @@ trimesh does not read them here: it reads neither OBJ `l` nor PLY edges, reorder
 
 import os
 from codecs import BOM_UTF8
+from collections.abc import Iterable, Sequence
 from functools import partial
 from importlib import import_module
 
@@ -58,10 +59,11 @@ def decode_mesh(data: bytes, shown: str, format: str | None = None) -> KnownMesh
     except GtbError as error:
         raise type(error)(f"{shown}: {_printable(str(error))}") from None
     shown_names = {name: _printable(name) for name in {name for name, *_ in content.groups}}  # one may have many ranges
-    groups = tuple((shown_names[name], start, stop) for name, start, stop in content.groups)
+    is_plain = all(name == shown_name for name, shown_name in shown_names.items())
+    groups = content.groups if is_plain else [(shown_names[name], a, b) for name, a, b in content.groups]
     has_polygons = len(content.polygons) > 0
     content, fans = unfolded(content) if has_polygons else (content, 0)
-    mesh = Mesh(content.vertices, content.cells, groups=groups)
+    mesh = Mesh(content.vertices, content.cells, groups=tuple(groups))
     largest, space = largest_coordinates(mesh.used), _printable(content.space)
     half_steps = content.half_steps(largest) + rounding(largest)
     values = partial(values_of, content, mesh, shown)
@@ -80,17 +82,17 @@ def values_of(content: FileArrays, mesh: Mesh, shown: str) -> Values:
             raise GtbError(f"has {columns} numbers at each of {corners} corners of cells: more than {most} in all")
     except GtbError as error:
         raise GtbError(f"{shown}: {_printable(str(error))}") from None
-    ranges = dict(content.ranges)
+    ranges: dict[str, Iterable[tuple[Sequence[float], int, int]]] = dict(content.ranges)
     marks = {name: mark_of(name) for name in {name for name, *_ in content.groups}}
     grouped = sum(stop - start for _, start, stop in mesh.groups)
     if len(marks) > 1 or 0 < grouped < len(mesh.cells):  # not the name of the whole mesh
-        ranges[GROUPS] = [(marks[name], start, stop) for name, start, stop in content.groups]
+        ranges[GROUPS] = ((marks[name], start, stop) for name, start, stop in content.groups)
     for label, parts in ranges.items():
-        if width := max((len(row) for row, *_ in parts), default=0):
-            part = np.zeros(len(mesh.cells), dtype=np.int64)  # in none
-            for number, (_, start, stop) in enumerate(parts, 1):
-                part[start:stop] = number
-            rows = np.array([row or [np.nan] * width for row in [[], *(row for row, *_ in parts)]])
+        part, numbers = np.zeros(len(mesh.cells), dtype=np.int64), {tuple[float, ...](): 0}  # of rows, first of none
+        for row, start, stop in parts:
+            part[start:stop] = numbers.setdefault(tuple(row), len(numbers))
+        if width := max(map(len, numbers)):
+            rows = np.array([row or [np.nan] * width for row in numbers])
             found[label] = rows, np.broadcast_to(part[:, None], mesh.cells.shape)
     return found
 

@@ -2,6 +2,7 @@
 
 import re
 from bisect import bisect_left
+from collections import Counter
 from dataclasses import replace
 from functools import partial
 from itertools import pairwise
@@ -159,9 +160,15 @@ class _ObjLines:
         ranges = {OBJECTS: objects if is_divided else [], f"{MATERIALS}OBJ": materials}
         ranges |= {f"{SETTINGS}{keyword.decode()}": named(keyword) for keyword in STATES}
         marks = {label: [(mark_of(name), a, b) for name, a, b in named] for label, named in ranges.items()}
-        told = "\n".join(name for keyword, name, _ in self.names if keyword == b"p")
-        lone = [int(k) - 1 for k in re.findall(r"(?<= )[0-9]{1,18}\b", "".join(re.findall("^p( .*)", told, re.M)))]
-        told += "".join(f" {x + 0:.7g}" for k in lone if 0 <= k < len(vertices) for x in vertices[k].tolist())
+        digits = 6 - round(np.log10(np.ptp(vertices, axis=0).max() or 1.0)) if len(vertices) else 0
+        parts = {name for keyword, name, _ in self.names if keyword in (b"g", b"o")}
+        lone, state = Counter[str](), dict.fromkeys([b"usemtl", *[b"g", b"o"] * (len(parts) > 1)], "")
+        for keyword, name, _ in self.names:
+            if keyword in state:
+                state[keyword] = name
+            elif keyword == b"p":
+                lone.update(f"{_place(word, vertices, digits)} {[*state.values()]}" for word in name.split()[1:])
+        told = "\n".join(sorted(f"{place} {count}" for place, count in lone.items()))
         read = [*FILES, b"mtllib"] if materials or named(b"usemap") else FILES
         libraries = tuple(name for keyword, name, _ in self.names if keyword in read)
         for label, text in ((f"{OTHER}points", told), (LIBRARIES, "\n".join(libraries))):
@@ -214,6 +221,14 @@ def _sorted(lines: list[bytes]) -> tuple[dict[bytes, list[int]], list[tuple[int,
 def _forwards(text: str, before: int) -> str:
     """Return what is said of single points with references from 1, where negative ones count back from `before`."""
     return re.sub(r"(?<= )-[0-9]{1,18}\b", lambda found: str(before + 1 + int(found[0])), text)
+
+
+def _place(reference: str, vertices: FloatArray, digits: int) -> str:
+    """Return where a single point is, whatever its number, or the reference itself to one that is not there."""
+    found = re.fullmatch("([0-9]{1,18})(/.*)?", reference)
+    number = int(found[1]) if found else 0
+    is_there = 0 < number <= len(vertices)
+    return f"{[round(x, digits) + 0.0 for x in vertices[number - 1].tolist()]}" if is_there else reference
 
 
 def _numbers(keyword: bytes, lines: list[bytes], places: list[int], kind: type[T]) -> tuple[NDArray[T], IntArray]:

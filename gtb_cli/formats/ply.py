@@ -3,10 +3,10 @@
 import os
 import re
 from array import array
-from collections.abc import Container, Iterable, Iterator, Mapping
+from collections.abc import Container, Iterator, Mapping
 from functools import partial
-from itertools import chain, islice
-from typing import Any, NamedTuple, TypeAlias
+from itertools import islice
+from typing import Any, Literal, NamedTuple, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -251,56 +251,65 @@ def _header(data: bytes) -> tuple[dict[str, Element], str, int]:
     return elements, order, end.end()
 
 
-def _uneven(element: Element, rows: Iterable[list[list[float]]]) -> Columns:
-    """Return the columns of rows whose lists may differ in length."""
-    columns = [(array("d"), array("q")) for _ in element.properties]
-    for row in rows:
-        for (numbers, counts), found in zip(columns, row, strict=True):
-            numbers.extend(found)
-            counts.append(len(found))
+def _joined(element: Element, parts: list[Columns]) -> Columns:
+    """Return the columns of all rows from parts of them, of which there may be none."""
+    kinds = {name: "f8" if item.kind.startswith("f") else "i8" for name, item in element.properties.items()}
+    parts = parts or [{name: (np.empty(0, kind), np.empty(0, np.intp)) for name, kind in kinds.items()}]
     return {
-        name: (np.array(numbers, dtype=np.float64 if item.kind.startswith("f") else np.int64), np.array(counts))
-        for (name, item), (numbers, counts) in zip(element.properties.items(), columns, strict=True)
+        name: (np.concatenate([part[name][0] for part in parts]), np.concatenate([part[name][1] for part in parts]))
+        for name in element.properties
     }
+
+
+def _uneven(data: bytes, start: int, element: Element, order: str, rows: int) -> tuple[Columns, int]:
+    """Return the columns of some rows of an element, whose lists may differ in length, and their end."""
+    place, items, columns = start, element.properties.items(), Columns()
+    begins, counts = ({name: array("q") for name in element.properties} for _ in range(2))
+    byte_order: Literal["little", "big"] = "big" if order == ">" else "little"
+    sizes = {name: np.dtype(item.kind).itemsize for name, item in items}
+    widths = {name: (int(item.count_kind[1:] or 0), item.count_kind[:1] == "i") for name, item in items}
+    plan = [(begins[name].append, counts[name].append, sizes[name], *widths[name]) for name in sizes]
+    for _ in range(rows):
+        for begin, note, size, width, is_signed in plan:
+            count, place = 1, place + width
+            if width and (count := int.from_bytes(data[place - width : place], byte_order, signed=is_signed)) < 0:
+                place = len(data)
+            begin(place - start)
+            note(count)
+            place += count * size
+        if place > len(data):
+            raise GtbError(f"is cut off: it ends within the {element.rows} rows of element {element.name}")
+    for name, item in items:
+        first, lengths, edges = np.array(begins[name]), np.array(counts[name]), np.zeros(place - start + 1, np.int8)
+        edges[first] += 1
+        edges[first + sizes[name] * lengths] -= 1
+        held = np.frombuffer(data, np.uint8, place - start, start)[np.cumsum(edges[:-1], dtype=np.int8).view(bool)]
+        columns[name] = held.view(order + item.kind), lengths
+    return columns, place
 
 
 def _binary(data: bytes, start: int, element: Element, order: str) -> tuple[Columns, int]:
     """Return the columns of an element, views of the file if all rows are as long as the first, and its end."""
-    place = start
-
-    def take(kind: str, count: int) -> list[float]:
-        nonlocal place
-        begin, place = place, place + count * np.dtype(kind).itemsize
-        if count < 0 or place > len(data):
-            raise GtbError(f"is cut off: it ends within the {element.rows} rows of element {element.name}")
-        values: list[float] = np.frombuffer(data, order + kind, count, begin).tolist()
-        return values
-
-    def row() -> list[list[float]]:
-        kinds = element.properties.values()
-        return [take(kind, int(take(count_kind, 1)[0]) if count_kind else 1) for kind, count_kind in kinds]
-
     if not element.rows or not element.properties:
-        return _uneven(element, ()), start
-    first = row()
+        return _joined(element, []), start
+    first, end = _uneven(data, start, element, order, 1)
     fields: list[tuple[Any, ...]] = []
-    for (name, item), values in zip(element.properties.items(), first, strict=True):
+    for (name, item), (values, _) in zip(element.properties.items(), first.values(), strict=True):
         fields += [(f"count {name}", order + item.count_kind)] if item.count_kind else []
         fields.append((f"value {name}", order + item.kind, (len(values),)))
-    held = min(element.rows, (len(data) - start) // (place - start))
+    held = min(element.rows, (len(data) - start) // (end - start))
     rows = np.frombuffer(data, fields, held, start)
-    lengths = dict(zip(element.properties, map(len, first), strict=True))
     lists = [name for name, item in element.properties.items() if item.count_kind]
-    if held == element.rows and all((rows[f"count {name}"] == lengths[name]).all() for name in lists):
-        columns = {name: (rows[f"value {name}"].ravel(), np.broadcast_to(lengths[name], held)) for name in lengths}
-        return columns, start + rows.nbytes
-    return _uneven(element, chain([first], (row() for _ in range(1, element.rows)))), place
+    if held < element.rows or any((rows[f"count {name}"] != first[name][1]).any() for name in lists):
+        return _uneven(data, start, element, order, element.rows)
+    counts = {name: np.broadcast_to(first[name][1], held) for name in first}
+    return {name: (rows[f"value {name}"].ravel(), counts[name]) for name in first}, start + rows.nbytes
 
 
 def _text(rows: Iterator[bytes], element: Element, sample: list[bytes]) -> Columns:
     """Return the columns of an element, a row in each line; put the first words of some rows into the sample."""
     most = 1 << 16  # rows that are read together
-    parts = [_uneven(element, ())]
+    parts = list[Columns]()
     left = element.rows if element.properties else 0
     while left:
         if not (block := list(islice(rows, min(left, most)))):
@@ -311,10 +320,7 @@ def _text(rows: Iterator[bytes], element: Element, sample: list[bytes]) -> Colum
             parts.append(_text_block(block, element))
         except GtbError as error:
             raise GtbError(f"element {element.name}: {error}") from None
-    return {
-        name: (np.concatenate([part[name][0] for part in parts]), np.concatenate([part[name][1] for part in parts]))
-        for name in element.properties
-    }
+    return _joined(element, parts)
 
 
 def _text_block(lines: list[bytes], element: Element) -> Columns:

@@ -1,10 +1,11 @@
 """STL, both ways, binary and text: facets; corners at exactly the same place become one vertex."""
 
 import re
+from collections import defaultdict
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import replace
 from functools import partial
-from itertools import pairwise
+from itertools import count as count_up
 from typing import Any
 
 import numpy as np
@@ -16,21 +17,16 @@ from gtb_cli.formats.file_arrays import STL_HEADER_BYTES, FileArrays, faulty_poi
 from gtb_cli.formats.numbers_read import half_step, numbers, sampled, shown
 from gtb_cli.formats.numbers_written import BLOCK_ROWS, text_rows
 from gtb_cli.meshes.coincident import numbered_places
-from gtb_cli.meshes.mesh import FACETS, OTHER, Values
+from gtb_cli.meshes.mesh import FACETS, OBJECTS, OTHER, Values
+from gtb_cli.solids.crossings import facing_of
 
 FACET = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribute", "<u2")])  # of a binary file
 
 
 def stl_blocks(vertices: FloatArray, triangles: IntArray, name: str, *, ascii: bool) -> Iterable[bytes]:
     """Return an STL file: binary with 32-bit numbers, or text with numbers that read back exactly, and a name."""
-    from trimesh.triangles import normals
-
-    # trimesh takes triangles with a cross product below 1e-13 for points, and squares lengths; powers of two are exact.
-    exponent = int(np.frexp(np.ptp(bounds_of(vertices), axis=0).max() or 1.0)[1])
-    exponent = 0 if -10 < exponent < 200 else exponent
-    directions = np.zeros(triangles.shape)
-    known, has_normal = normals(np.ldexp(vertices, -exponent)[triangles])
-    directions[has_normal] = known
+    exponent = int(np.frexp(np.ptp(bounds_of(vertices), axis=0).max())[1])  # squares of lengths must be numbers
+    directions = facing_of(np.ldexp(vertices, -exponent)[triangles])
     if ascii:
         return _text(vertices, triangles, directions, name)
     facets = np.zeros(len(triangles), FACET)
@@ -87,13 +83,12 @@ def _read_text(data: bytes) -> FileArrays:
         rb"\s*facet\s+normal" + 3 * number + rb"\s+outer\s+loop" + 3 * corner + rb"\s+endloop\s+endfacet\b",
         re.IGNORECASE,
     )
-    solid, endsolid = (re.compile(rb"\s*" + word + rb"\b[^\r\n]*", re.IGNORECASE) for word in (b"solid", b"end *solid"))
+    solid, endsolid = (re.compile(rb"(?i)\s*" + word + rb"\b([^\r\n]*)") for word in (b"solid", b"end *solid"))
     corners, normals, words, sample = [np.empty(0)], list[bytes](), list[bytes](), list[bytes]()
     count = place = 0
-    solids: list[tuple[str, int]] = []
+    solids = list[tuple[str, int, int]]()
     while found := solid.match(data, place):
-        place = found.end()
-        solids.append((b" ".join(found[0].split()[1:]).decode("utf-8", "backslashreplace"), count))
+        place, start, name = found.end(), count, found[1].split()
         while found := facet.match(data, place):
             normals += found.groups()[:3]
             words += found.groups()[3:]
@@ -105,14 +100,18 @@ def _read_text(data: bytes) -> FileArrays:
         if not (found := endsolid.match(data, place)):
             raise _fault(data, place, count + 1)
         place = found.end()
+        name = name or found[1].split()
+        solids.append((b" ".join(name).decode("utf-8", "backslashreplace"), start, count))
     if rest := re.compile(rb"\S+").search(data, place):
         raise GtbError(f"expected solid, got {shown(rest[0])}")
     corners.append(numbers(words, np.float64))
     sample += sampled(words, len(sample))
-    parts = [(name, a, b) for (name, a), (_, b) in pairwise([*solids, ("", count)]) if name and a < b]
+    parts, alike = [each for each in solids if each[1] < each[2]], defaultdict[str, Iterator[int]](count_up)
+    marks = [(mark_of(f"{next(alike[name])} {name}"), a, b) for name, a, b in parts]  # the first of a name, the next
     held = {FACETS: numbers(normals, np.float64)}
     content = _content(np.concatenate(corners).reshape(-1, 3), partial(half_step, sample), held)
-    return replace(content, groups=tuple(parts) if len(solids) > 1 else ())
+    ranges = {f"{OBJECTS} in STL": marks if len(parts) > len({name for name, *_ in parts}) else []}
+    return replace(content, groups=tuple(each for each in parts if each[0] and len(solids) > 1), ranges=ranges)
 
 
 def _fault(data: bytes, place: int, number: int) -> GtbError:

@@ -11,6 +11,7 @@ import zipfile
 import zlib
 from array import array
 from collections.abc import Iterable, Iterator
+from functools import cache
 from html import escape
 from io import BytesIO
 from itertools import cycle
@@ -146,13 +147,14 @@ class _Reader:
         least, ratio = 1 << 24, 200  # bytes that any file may have, and how many times as many as packed ones
         if size > min(LARGEST, max(least, ratio * archive.start_dir)):
             raise GtbError(f"says that it holds more than {LARGEST >> 30} GB, or {ratio} times its packed size")
-        self.depth = self.named = self.foreign = 0  # depths, of which the last is that of an element of an extension
+        self.gap = self.depth = self.named = self.foreign = 0  # depths but the first; the last is of an extension
         self.left = FREE + model.compress_size // 2  # elements: each takes four bytes, or repeats
         self.meshes: dict[str, _Mesh] = {}
         self.materials: dict[str | None, list[tuple[str, bytes]]] = {}
         self.components: dict[str, list[tuple[str, FloatArray, str]]] = {}
         self.items: list[tuple[str, FloatArray, str]] = []
         self.id = self.material = ""
+        self.known_parts: dict[_Part, _Part] = {}  # each once in memory
         self.order: dict[str, str] = {}  # of what has a number in the file; marks of materials
         # Of objects that are built, no solids but for ""; numbers of those with elements of extensions in their meshes
         self.kinds, self.extended = set[str](), set[str]()
@@ -166,6 +168,11 @@ class _Reader:
         # Lists of parts, and pictures of what is compared
         plain = re.compile(r"\[Content_Types\]\.xml$|.*(\.rels|/)$|(?!3D/).*\.(png|jpe?g)$", re.IGNORECASE)
         self.others = "".join(f"{other} {digest}\n" for other, digest in digests.items() if not plain.match(other))
+        plain_ones = ("resources", "build", "mesh", "vertices", "triangles", "components")
+        self.read = dict.fromkeys(plain_ones, self.plain) | {"vertex": self.vertex, "triangle": self.triangle}
+        self.read |= {"model": self.model, "object": self.begun_object, "component": self.link, "item": self.link}
+        self.read |= dict.fromkeys(("basematerials", "colorgroup"), self.list_of_materials)
+        self.read |= dict.fromkeys(("base", "color"), self.member)
         parser = expat.ParserCreate()
         parser.StartElementHandler = self.start
         parser.EndElementHandler = self.end
@@ -185,16 +192,19 @@ class _Reader:
         raise GtbError("declares an entity, which no 3MF file may")
 
     def text(self, found: str) -> None:
-        self.extensions.update(b"" if not self.foreign else "".join(found.split()).encode())
+        if self.foreign and (words := " ".join(found.split())):  # the parser may cut a text anywhere
+            self.extensions.update(f"{' ' * (self.gap or found[0].isspace())}{words}".encode())
+        self.gap = found[-1].isspace()
 
     def end(self, _: str) -> None:
-        self.depth -= 1
+        self.extensions.update(b"\0" if self.foreign else b"")  # which no text holds
+        self.depth, self.gap = self.depth - 1, True
         self.foreign *= self.foreign <= self.depth
 
     def start(self, name: str, given: dict[str, str]) -> None:
         deepest = 32  # elements within elements
         name = name.rpartition(":")[2]
-        self.depth += 1
+        self.depth, self.gap = self.depth + 1, True
         self.left -= 1
         self.named += name in ("object", "component", "item", "basematerials", "base", "colorgroup", "color")
         if self.depth > deepest or self.named > MOST:
@@ -203,61 +213,70 @@ class _Reader:
             raise GtbError("has more elements than its bytes in the archive can hold")
         if "id" in given:
             self.order.setdefault(given["id"], f"{len(self.order)}")
-        if self.foreign:
+        if (read := self.read.get(name)) is not None and not self.foreign:
+            read(name, given)
+        elif self.foreign:
             self.note(name, given)
-        elif name == "vertex":
-            vertices = self.meshes[self.id].vertices
-            vertices.extend((float(given["x"]), float(given["y"]), float(given["z"])))
-            if len(given) > 3:
-                self.note(f"vertex {len(vertices)}", given, "x", "y", "z")
-        elif name == "triangle":
-            mesh = self.meshes[self.id]
-            first = given.get("p1", mesh.part[1][0])
-            members: tuple[str | None, ...] = first, given.get("p2", first), given.get("p3", first)
-            rest = [key for key in given if key not in ("v1", "v2", "v3", "pid", "p1", "p2", "p3")]
-            told = "".join(sorted(f"{key.rpartition(':')[2]} {given[key]}\n" for key in rest))
-            part = given.get("pid", mesh.part[0]), members, told
-            if not mesh.parts or mesh.parts[-1][1] != part:
-                mesh.parts.append((len(mesh.corners) // 3, part))
-            mesh.corners.extend((int(given["v1"]), int(given["v2"]), int(given["v3"])))
-        elif name == "model":
-            self.unit = given.get("unit", self.unit)
-            self.note(name, given, "unit", "lang", "requiredextensions", "recommendedextensions", "schemaLocation")
-        elif name in ("basematerials", "colorgroup"):
-            self.material = given["id"]
-            self.materials[self.material] = []
-            self.note(name, given, *_KNOWN)
-        elif name in ("base", "color"):
-            said = given.get("displaycolor" if name == "base" else "color", "#ffffff")
-            if re.fullmatch("#([0-9a-fA-F]{2}){3,4}", said) is None:
-                raise GtbError(f"expected a colour such as #D97706, got {said:.40}")
-            colour = bytes.fromhex(said[1:].ljust(8, "f"))
-            self.materials[self.material].append((given["name"] if name == "base" else "", colour))
-            self.note(name, given, "name", "displaycolor", "color")
-            self.order[self.material] = f"{mark_of(f'{self.order[self.material]} {self.materials[self.material][-1]}')}"
-        elif name == "object":
-            self.id = given["id"]
-            own: _Part = given.get("pid"), (given.get("pindex"),), ""
-            kind = given.get("type", "model").removeprefix("model")
-            self.meshes[self.id] = _Mesh(array("f"), array("q"), [], own, given.get("name", ""), kind)
-            self.components[self.id] = []
-            self.note(f"object {len(self.meshes)}", given, *_KNOWN)
-        elif name in ("component", "item"):
-            if any(key.endswith(":path") for key in given):
-                raise GtbError("has an object in another part of the archive, where it is not looked for")
-            matrix = np.eye(4)  # by which rows (x y z 1) are multiplied
-            if "transform" in given:
-                matrix[:, :3] = np.array([float(word) for word in given["transform"].split()]).reshape(4, 3)
-            link = given["objectid"], matrix, "" if given.get("printable", "1") in ("1", "true") else "not printed\n"
-            (self.items if name == "item" else self.components[self.id]).append(link)
-            self.note(f"{name} {len(self.items)}", given, *_KNOWN)
-            self.extensions.update((self.meshes[self.id].name if name == "component" else "").encode())
-        elif name in _PLAIN:
-            self.note(name, given, "xmlns", *["name", "type", "preserve"] * (name == "metadata"))
-        else:
+        elif name != "metadata" or given.get("name") not in ("CreationDate", "ModificationDate", "Application"):
             self.foreign = self.depth
             self.extended |= {f"{len(self.meshes)}"} if self.depth > 4 else set()
             self.note(name, given)
+
+    def vertex(self, _: str, given: dict[str, str]) -> None:
+        vertices = self.meshes[self.id].vertices
+        vertices.extend((float(given["x"]), float(given["y"]), float(given["z"])))
+        if len(given) > 3:
+            self.note(f"vertex {len(vertices)}", given, "x", "y", "z")
+
+    def triangle(self, _: str, given: dict[str, str]) -> None:
+        mesh = self.meshes[self.id]
+        first = given.get("p1", mesh.part[1][0])
+        members: tuple[str | None, ...] = first, given.get("p2", first), given.get("p3", first)
+        rest = sorted(given.keys() - {"v1", "v2", "v3", "pid", "p1", "p2", "p3"})
+        told = "".join(sorted(f"{key.rpartition(':')[2]} {given[key]}\n" for key in rest))
+        part = given.get("pid", mesh.part[0]), members, told
+        if not mesh.parts or mesh.parts[-1][1] != part:
+            mesh.parts.append((len(mesh.corners) // 3, self.known_parts.setdefault(part, part)))
+        mesh.corners.extend((int(given["v1"]), int(given["v2"]), int(given["v3"])))
+
+    def model(self, name: str, given: dict[str, str]) -> None:
+        self.unit = given.get("unit", self.unit)
+        self.note(name, given, "unit", "lang", "requiredextensions", "recommendedextensions", "schemaLocation")
+
+    def list_of_materials(self, name: str, given: dict[str, str]) -> None:
+        self.material = given["id"]
+        self.materials[self.material] = []
+        self.note(name, given, *_KNOWN)
+
+    def member(self, name: str, given: dict[str, str]) -> None:
+        said = given.get("displaycolor" if name == "base" else "color", "#ffffff")
+        if re.fullmatch("#([0-9a-fA-F]{2}){3,4}", said) is None:
+            raise GtbError(f"expected a colour such as #D97706, got {said:.40}")
+        colour = bytes.fromhex(said[1:].ljust(8, "f"))
+        self.materials[self.material].append((given["name"] if name == "base" else "", colour))
+        self.note(name, given, "name", "displaycolor", "color")
+        self.order[self.material] = f"{mark_of(f'{self.order[self.material]} {self.materials[self.material][-1]}')}"
+
+    def begun_object(self, _: str, given: dict[str, str]) -> None:
+        self.id = given["id"]
+        own: _Part = given.get("pid"), (given.get("pindex"),), ""
+        kind = given.get("type", "model").removeprefix("model")
+        self.meshes[self.id] = _Mesh(array("f"), array("q"), [], own, given.get("name", ""), kind)
+        self.components[self.id] = []
+        self.note(f"object {len(self.meshes)}", given, *_KNOWN)
+
+    def link(self, name: str, given: dict[str, str]) -> None:
+        if any(key.endswith(":path") for key in given):
+            raise GtbError("has an object in another part of the archive, where it is not looked for")
+        matrix = np.eye(4)  # by which rows (x y z 1) are multiplied
+        if "transform" in given:
+            matrix[:, :3] = np.array([float(word) for word in given["transform"].split()]).reshape(4, 3)
+        link = given["objectid"], matrix, "" if given.get("printable", "1") in ("1", "true") else "not printed\n"
+        (self.items if name == "item" else self.components[self.id]).append(link)
+        self.note(f"{name} {len(self.items)}", given, *_KNOWN)
+
+    def plain(self, name: str, given: dict[str, str]) -> None:
+        self.note(name, given, "xmlns")
 
     def note(self, name: str, given: dict[str, str], *known: str) -> None:
         """Take attributes into account that no place here knows, whatever the prefixes and numbers of this file."""
@@ -270,35 +289,38 @@ class _Reader:
         if told or not known:
             self.extensions.update(f"{name} {told}".encode())
 
-    def placed(self) -> Iterator[tuple[_Mesh, FloatArray, str, str]]:
-        """Yield the objects that are built with their places, numbers, and what else is said of them."""
-        most = 50_000_000  # numbers of all placed objects: few bytes may name many
-        effort = 10_000  # numbers that take as long as an object without any
+    def placed(self) -> Iterator[tuple[_Mesh, FloatArray, str, str, str]]:
+        """Yield the objects that are built: with places, numbers, what else is said, and the assemblies they are in."""
+        effort, change = 10_000, 250  # numbers that take as long as an object without any, and one more material
+        most = 50_000_000 + change * sum(len(mesh.parts) for mesh in self.meshes.values())  # few bytes may name many
         order = {key: number for number, key in enumerate(self.meshes)}
-        used, stack = 0, [(*item, len(order)) for item in reversed(self.items)]
+        used, stack = 0, [(*item, len(order), "") for item in reversed(self.items)]
         while stack:
-            key, place, said, above = stack.pop()
+            key, place, said, above, path = stack.pop()
             if order[key] >= above:  # an object names only earlier ones
                 raise GtbError(f"object {key!r:.40} is not before the object that refers to it")
             mesh = self.meshes[key]
-            used += len(mesh.vertices) + len(mesh.corners) + effort
+            used += len(mesh.vertices) + len(mesh.corners) + effort + change * len(mesh.parts)
             if used > most:
-                raise GtbError(f"has more than {most} numbers in all objects together")
+                raise GtbError(f"has more than {most} numbers, or changes of material, in all objects together")
             said += mesh.kind * (len(self.kinds) > 1)  # a kind of all stands in what the file says
-            yield mesh, place, f"{order[key] + 1}", said
-            inner = reversed(self.components[key])
-            stack += [(link, motion @ place, said + more, order[key]) for link, motion, more in inner]
+            number, inner = f"{order[key] + 1}", self.components[key]
+            yield mesh, place, number, said, path
+            if inner and (mesh.name or len(inner) > 1):  # no assembly is around one object
+                path = f"{mark_of(f'{path}/{mesh.name or number}')}"  # short
+            stack += [(link, motion @ place, said + more, order[key], path) for link, motion, more in reversed(inner)]
 
     def content(self) -> FileArrays:
         """Put the objects where they are built."""
         vertices, cells = [np.empty((0, 3))], [np.empty((0, 3), dtype=np.int64)]
         groups: list[tuple[str, int, int]] = []
-        ranges: dict[str, list[tuple[list[float], int, int]]] = {name: [] for name in (_LOOK, OBJECTS, _SPECIAL)}
+        ranges: dict[str, list[tuple[list[float], int, int]]] = {name: [] for name in (_LOOK, OBJECTS, *_PLACED)}
         built = [mesh for mesh, *_ in self.placed()]
         self.kinds = {mesh.kind for mesh in built}
         materials, named = set[str](), {mesh.name for mesh in built if len(mesh.corners)}
+        look = cache(self.look)  # triangles of a few materials may take turns
         count = rows = 0
-        for mesh, place, number, said in self.placed():
+        for mesh, place, number, *placed in self.placed():
             points = np.array(mesh.vertices, dtype=np.float64).reshape(-1, 3) @ place[:3, :3] + place[3, :3]
             found = np.array(mesh.corners).reshape(-1, 3)
             if len(wrong := found[(found < 0) | (found >= len(points))]):
@@ -308,15 +330,18 @@ class _Reader:
             is_mirrored = np.linalg.det(place[:3, :3]) < 0  # then faces keep their outer sides
             vertices.append(points)
             cells.append((found[:, ::-1] if is_mirrored else found) + count)
-            ends = [*(start for start, _ in mesh.parts[1:]), len(found)]
-            looks = [self.look(part) for _, part in mesh.parts]
+            ends = [*(rows + start for start, _ in mesh.parts[1:]), rows + len(found)]
+            looks = [*map(look, (part for _, part in mesh.parts))]
             materials |= (here := {material for material, _ in looks})
-            for (start, _), end, (material, row) in zip(mesh.parts, ends, looks, strict=False):
+            begin = rows
+            for end, (material, row) in zip(ends, looks, strict=False):
                 name = material or mesh.name or number
-                is_same = start and groups[-1][0] == name  # with other paint
-                groups.append((name, groups.pop()[1] if is_same else rows + start, rows + end))
-                ranges[_LOOK].append((row, rows + start, rows + end))
-            for label, text in ((_SPECIAL, said), (OBJECTS, mesh.name if len(named) > 1 and any(here) else "")):
+                is_same = begin > rows and groups[-1][0] == name  # with other paint
+                groups.append((name, groups.pop()[1] if is_same else begin, end))
+                ranges[_LOOK].append((row, begin, end))
+                begin = end
+            own = mesh.name if len(named) > 1 and any(here) else ""
+            for label, text in zip((*_PLACED, OBJECTS), (*placed, own), strict=True):
                 ranges[label] += [(mark_of(text), rows, rows + len(found))] if text else []
             count, rows = count + len(points), rows + len(found)
         extensions = self.extensions.digest() if self.extensions.digest() != hashlib.sha256().digest() else b""
@@ -354,7 +379,6 @@ def _name_of(part: str) -> str:
     return posixpath.normpath("/" + unquote(part).lstrip("/")).lower()
 
 
-_LOOK, _SPECIAL = f"{MATERIALS}3MF", f"{OBJECTS} that are not printed, or support"
-# Elements and attributes of the core specification that say nothing of their own, or are read
-_PLAIN = ["resources", "build", "mesh", "vertices", "triangles", "components", "metadata"]
+_LOOK, _PLACED = f"{MATERIALS}3MF", (f"{OBJECTS} that are not printed, or support", f"{OBJECTS} in assemblies")
+# Attributes of the core specification that are read, or say nothing of their own
 _KNOWN = ["objectid", "name", "type", "pid", "pindex", "transform", "printable", "thumbnail"]

@@ -9,7 +9,7 @@ import numpy as np
 
 from gtb_cli.arrays import FloatArray
 from gtb_cli.language.document import shown
-from gtb_cli.language.expression import COUNTER, is_in_radians
+from gtb_cli.language.expression import COUNTER, factor_of_radians
 from gtb_cli.language.keys_and_values import COORDINATE, MAX_SIZE, SCALE, Table, Values, name_fault, suggestion
 from gtb_cli.language.patch_reader import AT_THE_TOP, COPY_KEYS, PATCH_KEYS
 from gtb_cli.language.scanner import Path
@@ -162,7 +162,7 @@ def _rotation(outer: Table) -> tuple[FloatArray | None, FloatArray]:
     turn = math.degrees(degrees or 0.0)
     radians = 0 < abs(turn) < 400 and abs(math.remainder(turn, 0.5)) < 1e-9 * abs(turn)
     doubt = f"{degrees:g} is {turn:g} degrees in radians" if radians else ""
-    doubt = "leave deg out" if is_in_radians(entries.get("degrees")) else doubt
+    doubt = {"deg": "leave deg out", "pi": "write 180 for pi"}.get(factor_of_radians(entries.get("degrees")), doubt)
     if doubt and outer.values.faults.doubt is None:
         outer.values.faults.doubt = (*table.path, "degrees"), f"takes degrees: {doubt}"
     if isinstance(entries.get("axis"), list):

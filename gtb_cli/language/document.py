@@ -1,4 +1,4 @@
-"""The text of a spec: TOML or JSON bytes → plain data, and faults by line."""
+"""The text of a spec: TOML or JSON bytes → plain data, and faults by line (as they are written: `errors`)."""
 
 import re
 from collections import Counter

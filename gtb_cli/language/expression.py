@@ -83,9 +83,10 @@ def degrees_in(text: str, names: Mapping[str, float]) -> str:
     return ""
 
 
-def is_in_radians(text: object) -> bool:
-    """Tell whether an expression is of an angle times `deg`, beside what `deg` does in functions."""
-    return isinstance(text, str) and bool(re.search(r"(^|[^/\s])\s*\bdeg\b", re.sub(r"\w+\([^()]*\)", "1", text)))
+def factor_of_radians(text: object) -> str:
+    """Return `deg` or `pi` if an angle is a multiple of it, beside what it does in functions; else nothing."""
+    outside = re.sub(r"\w+\([^()]*\)", "1", text) if isinstance(text, str) else ""
+    return found[2] if (found := re.search(r"(^|[^/\s])\s*\b(deg|pi)\b", outside)) else ""
 
 
 def names_in(text: str) -> list[str]:

@@ -91,16 +91,20 @@ class Values:
         if len(given) < len(parts):
             return [None]
         fault = ""
-        if len(given) not in (3, 4):
-            fault = f"must be arc(radius, height, angle) or arc(radius, height, angle, roundness), got {shown(text)}"
+        if not 3 <= len(given) <= 5:
+            fault = (
+                f"must be arc(radius, height, angle) or arc(radius, height, angle, roundness, start), got {shown(text)}"
+            )
         elif not 0 < abs(given[2]) <= math.pi:
             fault = f"the angle must be at most 180*deg, got {given[2]:g} radians in {shown(text)}"
         if fault:
             self.faults.add(path, f"{fault}{self._note}")
             return [None]
-        r, z, angle, roundness = (*given, 1.0)[:4]
+        r, z, angle, roundness, start = (*given, *(1.0, 0.0)[len(given) - 3 :])
         c, s, q = math.cos(angle), math.sin(angle), roundness * 4 / 3 * math.tan(angle / 4)
-        return [np.array([r * x, r * y, z]) for x, y in ((1, 0), (1, q), (c + q * s, s - q * c), (c, s))]
+        x, y = np.array([(1, 0), (1, q), (c + q * s, s - q * c), (c, s)]).T
+        turned = x * math.cos(start) - y * math.sin(start), x * math.sin(start) + y * math.cos(start)
+        return [*np.column_stack([r * turned[0], r * turned[1], np.full(4, z)])]
 
     def coordinates(self, entry: object, path: Path, sizes: tuple[int, ...], check: Check) -> FloatArray | None:
         """Read a list of one of the given sizes."""

@@ -1,4 +1,4 @@
-"""``let``: named numbers; each may use those before it."""
+"""``let``: named numbers, each of which may use those before it, and what ``--set`` gives them."""
 
 import keyword
 import math

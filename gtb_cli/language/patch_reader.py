@@ -162,7 +162,9 @@ def _is_list(table: Table, key: str, n: int | None) -> bool:
     if not isinstance(entries, list):
         table.fault(key, f"must be a list with an entry for each knot, got {shown(entries)}")
     elif n is not None and (count := len(entries) + 3 * sum(map(is_arc, entries))) != n:
-        table.fault(key, f"must have {n} entries, one for each knot, got {count}{decimal_commas(entries, n)}")
+        brackets = any(isinstance(entry, list) and any(map(is_arc, entry)) for entry in entries)
+        hint = ": an arc stands without brackets of its own" if brackets else decimal_commas(entries, n)
+        table.fault(key, f"must have {n} entries, one for each knot, got {count}{hint}")
     return isinstance(entries, list)
 
 

@@ -57,7 +57,7 @@ def check_ranges(document: Document, faults: Faults, numbers: Mapping[str, float
     That is a fault of a given count, as ``gtb new`` refuses it, and a doubt about any other number.
     """
     spec: Any = document.data
-    for name, label, _, _ in _commented(document, numbers) if _RANGE.search(document.text) else ():
+    for name, label, _, _ in _commented(document, numbers) if re.search(r"…|\.\.", document.text) else ():
         if (ends := range_in(label)) and not ends[0] <= numbers[name] <= ends[1]:
             words = f"{numbers[name]:g} is outside {ends[0]:g} … {ends[1]:g}, the range in its comment"
             if name in given and name in _counts(spec, spec["let"]):

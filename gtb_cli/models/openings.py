@@ -1,4 +1,4 @@
-"""Why a model is open, edge by edge, as `--require watertight` says it; and seams that were welded."""
+"""Why a model is open, edge by edge, as `--require watertight` says it; welded seams; holes: `filling.holes`."""
 
 from collections.abc import Sequence
 from functools import partial
@@ -11,7 +11,7 @@ from gtb_cli.errors import one_of_alike
 from gtb_cli.models.joints import Joints
 from gtb_cli.models.model import Model, diagonal_of
 from gtb_cli.models.near_ends import meeting, touching
-from gtb_cli.models.rings import closing_turn, crowds, missing_copies, wrong_rings
+from gtb_cli.models.rings_of_copies import closing_turn, crowds, missing_copies, wrong_rings
 from gtb_cli.models.same_edges import find_joints
 from gtb_cli.theory.edges import CURVE_TOLERANCE, Curve, EdgeRef, edge_curve, edge_curves, edge_name
 from gtb_cli.theory.patch import Patch
@@ -145,7 +145,7 @@ def _difference(one: Curve, other: Curve, tolerance: float, distance: float | No
 
 def _cure(edge: Curve, distance: float) -> str:
     is_far = distance > 2 * FAR_WELD * edge.size
-    return "" if is_far else f"{WELD} {above(distance)} joins them, with no finer `tolerance`"
+    return "" if is_far else f"{WELD} {above(distance)} joins them, if `tolerance` is not below it"
 
 
 def above(distance: float) -> str:

@@ -41,9 +41,9 @@ class MomentMap:
 
         A residual of `within` times the hull's size suffices. `numbers` says which of several weightings each point
         uses. `ToleranceError` is raised if |μ(s) − p| stays above `RESIDUAL` times the hull's size. The result is
-        read-only: the latest ones, of up to 8192 points each, are remembered.
+        read-only: the latest ones, of up to 9216 points each, are remembered.
         """
-        most_points, most_questions = 8192, 32  # they take 10 MB at most
+        most_points, most_questions = 9216, 32  # they take 14 MB at most
         if len(p) > most_points or numbers is not None:
             return self._inverse(p, within, start, numbers)
         arrays = (self.knots, self.log_weights, p, start)

@@ -1,4 +1,4 @@
-"""The solver of μ(s) = p, for many points at once, one in each column, with one set of weights or one for each.
+"""The solver of μ(s) = p, for many points at once, one in each column; starts, second tries, errors: `moment_map`.
 
 μ is the gradient of the convex function ``log Σ c_i ω_i e^<a_i, s>``. Plain steps of Newton's method are taken while
 they are short; columns for which these do not suffice minimise ``log Σ c_i ω_i e^<a_i, s> − <p, s>`` by steps that are

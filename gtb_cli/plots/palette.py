@@ -1,4 +1,4 @@
-"""Colours that print well and that colour-blind readers can tell apart."""
+"""Colours that print well and that colour-blind readers tell apart, and scales of curvature; patches: `vocabulary`."""
 
 import numpy as np
 

@@ -1,1 +1,1 @@
-"""Processes that share work, here or on a cluster, the memory they may use, and the versions they run."""
+"""Processes that share work, here or on a cluster, the memory that limits leave them, and the versions they run."""

@@ -1,4 +1,4 @@
-"""The memory that this process may use, where ``ulimit -v`` or --max-memory limits it."""
+"""The memory that this process may use, by ``ulimit -v`` or --max-memory; too large meshes: `too_many_faces`."""
 
 from gtb_cli.errors import GtbError
 

@@ -117,11 +117,13 @@ def files_in(folder: str, unreadable: dict[str, str]) -> dict[str, str]:
 
 
 def _is_manifest(path: str) -> bool:
-    """Tell whether a file is the manifest of others."""
+    """Tell whether a file is the manifest of others; few bytes of larger ones would take much memory."""
     import json
 
+    from gtb_cli.language.document import MAX_BYTES
+
     with suppress(OSError, ValueError, RecursionError):
-        if suffix_of(path) == "json" and os.path.isfile(path):
+        if suffix_of(path) == "json" and os.path.isfile(path) and os.path.getsize(path) <= MAX_BYTES:
             with open(path, "rb") as file:
                 content = json.load(file)
             return isinstance(content, dict) and {"versions", "options", "files"} <= content.keys()

@@ -5,13 +5,10 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Sequence
-from functools import partial
 from typing import TYPE_CHECKING, Any
 
-import click
-
-from gtb_cli.shell.gathering import gathered
-from gtb_cli.shell.options import numbers_of, numbers_option, reads
+from gtb_cli.shell.gathering import gathered, option
+from gtb_cli.shell.options import numbers_of
 
 if TYPE_CHECKING:
     from gtb_cli.plots.panels import Approach
@@ -54,10 +51,10 @@ def _approach(x: Any, lifting: Any, merge: Any, steps: Any) -> Approach:
     return Approach(x, lifting, merge, steps)
 
 
-x_option = partial(click.option, "-x", "--x", callback=reads(xs_of), multiple=True, metavar="X")
-heights_option = partial(click.option, "--lifting", callback=reads(lifting_from), metavar="L,…")
-merge_option = partial(click.option, "--merge", callback=reads(moves_of), multiple=True, metavar="K:Q")
-steps_option = partial(numbers_option, "--steps", metavar="S,…")
+x_option = option("-x, --x X", xs_of, multiple=True)
+heights_option = option("--lifting L,…", lifting_from)
+merge_option = option("--merge K:Q", moves_of, multiple=True)
+steps_option = option("--steps S,…", numbers_of)
 limit_options = gathered(
     "limit",
     _approach,

@@ -9,7 +9,7 @@ import click
 
 from gtb_cli.errors import DomainError, ExportError, SpecError
 from gtb_cli.language.reading import Reading, assignment
-from gtb_cli.shell.gathering import Function, Option, gathered
+from gtb_cli.shell.gathering import Function, Option, gathered, option, reads
 from gtb_cli.shell.meshing import MeshOptions
 from gtb_cli.shell.messages import STANDARD, Console
 from gtb_cli.shell.streams import Spec, Streams, refuse_overwriting
@@ -33,18 +33,6 @@ from gtb_cli.vocabulary import (
     suffix_of,
     thickness_of,
 )
-
-
-def reads(read: Callable[[Any], object], absent: object = None) -> Callable[..., object]:
-    """Return the callback of an option whose value `read` turns into another; its `ValueError` is a usage error."""
-
-    def callback(_ctx: click.Context, param: click.Parameter, value: object) -> object:
-        try:
-            return absent if value is None else read(value)
-        except ValueError as error:
-            raise click.BadParameter(str(error).removeprefix(f"{param.name}: ")) from None
-
-    return callback
 
 
 def tolerance_of(text: str) -> float | str:
@@ -86,9 +74,6 @@ def _thickness(text: str) -> float | str:
     thickness_of(thickness)
     return thickness
 
-
-length_option = functools.partial(click.option, callback=reads(length_of))
-numbers_option = functools.partial(click.option, callback=reads(numbers_of))
 
 # Names of files that a command reads, and that it writes; - is a standard stream
 INPUT, OUTPUT = click.Path(readable=False), click.Path(readable=False)
@@ -151,32 +136,20 @@ def _fill(text: str) -> tuple[str, str]:
 
 
 _reading_options = (
-    click.option(
-        "--set",
-        "let",
-        multiple=True,
-        metavar="NAME=EXPR",
-        callback=reads(lambda texts: tuple(dict(map(assignment, texts)).items())),  # the last one of a name counts
-        help="Give a number of the spec's let another value, such as height=120 or 'turn=2*pi/5'. May be repeated.",
+    option("--set NAME=EXPR", lambda texts: tuple(dict(map(assignment, texts)).items()), into="let", multiple=True)(
+        help="Give a number of the spec's let another value, such as height=120 or 'turn=2*pi/5'. May be repeated."
     ),
-    click.option(
-        "--spec-format",
-        type=click.Choice(SPEC_FORMATS),
-        help="Read specs in this format; by default the suffix or the first character decides.",
+    option("--spec-format", SPEC_FORMATS)(
+        help="Read specs in this format; by default the suffix or the first character decides."
     ),
 )
 reading_option = gathered("reading", Reading, *_reading_options)
 filling_option = gathered(
     "reading",
     Reading,
-    click.option(
-        "--fill",
-        "fills",
-        multiple=True,
-        metavar="HOLE[=KIND]",
-        callback=reads(lambda texts: tuple(map(_fill, texts))),
+    option("--fill HOLE[=KIND]", lambda texts: tuple(map(_fill, texts)), into="fills", multiple=True)(
         help='Fill the hole of a model with this edge, "wall edge 3", or near this point, "0,0,999", as gtb fill does; '
-        'with "=g0" a lid. May be repeated.',
+        'with "=g0" a lid. May be repeated.'
     ),
     *_reading_options,
 )
@@ -188,65 +161,47 @@ def _only(paths: tuple[str, ...]) -> str | None:
     return paths[0] if paths else None
 
 
-output_to = functools.partial(click.option, "-o", "--output", type=OUTPUT, multiple=True, callback=reads(_only))
-
-output_option = output_to(
-    metavar="OUT", default=[STANDARD], help="Write to this file; by default, or with -, to standard output."
+output_to = functools.partial(option, takes=OUTPUT, multiple=True, callback=reads(_only))
+output_option = output_to("-o, --output OUT", default=[STANDARD])(
+    help="Write to this file; by default, or with -, to standard output."
 )
 
-json_option = click.option("--json", "as_json", is_flag=True, help="Print JSON.")
+json_option = option("--json", bool, into="as_json")(help="Print JSON.")
 
-weld_option = click.option(
-    "--weld",
-    callback=reads(tolerance_of),
-    metavar="T",
+weld_option = option("--weld T", tolerance_of)(
     help="Join edges of a model that are at most this far apart, in model units or such as 0.01% of the size; "
-    "overrides the spec's weld.",
+    "overrides the spec's weld."
 )
 
-parametrization_option = click.option(
-    "--parametrization",
-    type=click.Choice(PARAMETRIZATIONS),
-    default=PARAMETRIZATIONS[0],
+parametrization_option = option("--parametrization", PARAMETRIZATIONS, default=PARAMETRIZATIONS[0])(
     help="Where vertices are put: linear, evenly up to the edges, whatever the units of the knots (the default); "
-    "or toric, at the paper's parameters, which may crowd.",
+    "or toric, at the paper's parameters, which may crowd."
 )
 
-resolution_up_to = functools.partial(click.option, "-n", "--resolution", metavar="N")
+resolution_up_to = functools.partial(option, "-n, --resolution N")
 
-resolution_option = resolution_up_to(
-    type=WholeNumber(1, 10**8),  # the square of which is still a 64-bit integer
-    help=f"Segments along each edge of the domain; {RESOLUTION} without this option.",
+# The square of the largest is still a 64-bit integer
+resolution_option = resolution_up_to(WholeNumber(1, 10**8))(
+    help=f"Segments along each edge of the domain; {RESOLUTION} without this option."
 )
 
-tolerance_option = click.option(
-    "--tolerance",
-    callback=reads(tolerance_of),
-    metavar="T",
+tolerance_option = option("--tolerance T", tolerance_of)(
     help="Instead of -n: largest distance between mesh and surface (not the offset of --thickness), in model units or "
-    "such as 1% of the size.",
+    "such as 1% of the size."
 )
 
 # Options that make a solid of a curve or surface
 solid_options = (
-    length_option(
-        "--radius",
-        metavar="R",
-        help="Make a tube of this radius, in model units, around a curve. Whether distant parts meet is not checked.",
+    option("--radius R", length_of)(
+        help="Make a tube of this radius, in model units, around a curve. Whether distant parts meet is not checked."
     ),
-    click.option(
-        "--thickness",
-        metavar="D",
-        callback=reads(_thickness),
+    option("--thickness D", _thickness)(
         help="Make a solid of this thickness, in model units: inwards:D or outwards:D; or D on the side of the "
-        "normals, and -D on the other. A message reports folds, and distant parts that meet.",
+        "normals, and -D on the other. A message reports folds, and distant parts that meet."
     ),
-    click.option(
-        "--rim",
-        type=click.Choice(RIMS),
-        default=RIMS[0],
+    option("--rim", RIMS, default=RIMS[0])(
         help="How the rims of such a solid lie: along the normals (the default); or flat, each in the plane of the "
-        "surface's rim where the surface leaves that plane.",
+        "surface's rim where the surface leaves that plane."
     ),
 )
 
@@ -258,35 +213,25 @@ def _solid(radius: float | None, thickness: float | str | None, rim: Rim) -> Rec
 
 solid_option = gathered("solid", _solid, *solid_options)  # None without them
 
-max_faces_option = click.option(
-    "--max-faces",
-    type=WholeNumber(min=1),
-    metavar="N",
-    default=MAX_FACES,
-    help=f"Refuse to make more faces than this; {MAX_FACES} without this option.",
+max_faces_option = option("--max-faces N", WholeNumber(min=1), default=MAX_FACES)(
+    help=f"Refuse to make more faces than this; {MAX_FACES} without this option."
 )
 
-lifting_option = numbers_option(
-    "--lifting",
-    metavar="L,…",
-    help="A lifting value for each knot, instead of the spec's. Expressions such as 4*sqrt(2) may be used.",
+lifting_option = option("--lifting L,…", numbers_of)(
+    help="A lifting value for each knot, instead of the spec's. Expressions such as 4*sqrt(2) may be used."
 )
 
-difference_option = click.option(
-    "--tolerance",
-    callback=reads(lambda text: 0.0 if text.strip() in ("0", "0%", "0.0") else tolerance_of(text)),
-    metavar="T",
+difference_option = option(
+    "--tolerance T", lambda text: 0.0 if text.strip() in ("0", "0%", "0.0") else tolerance_of(text)
+)(
     help="Largest distance that is not a difference, in model units or such as 1% of the size; 1e-9 of the size "
-    "by default. 0 means what the numbers in the files can hold.",
+    "by default. 0 means what the numbers in the files can hold."
 )
 
-ignore_option = click.option(
-    "--ignore",
-    callback=reads(_aspects, absent=()),
-    metavar="WHAT",
+ignore_option = option("--ignore WHAT", str, callback=reads(_aspects, absent=()))(
     help="What is not a difference between faces in the same place: orientation (turned over), connectivity (other "
     "holes or parts, vertices shared in another way, faces missing, there twice or without area), attributes (normals, "
-    "texture coordinates, other values, groups, materials, named files: without a warning), or several of them.",
+    "texture coordinates, other values, groups, materials, named files: without a warning), or several of them."
 )
 
 
@@ -301,7 +246,7 @@ def _console(quiet: bool) -> Console:
     return Console(quiet)
 
 
-console_option = gathered("console", _console, click.option("-q", "--quiet", is_flag=True, help="Print only errors."))
+console_option = gathered("console", _console, option("-q, --quiet", bool)(help="Print only errors."))
 
 
 # Options that a command gets as `streams`: it reads no spec, or reads one, or has an -o of its own
@@ -340,50 +285,35 @@ def mesh_options(*more: str) -> Option:
         resolution_option,
         tolerance_option,
         parametrization_option,
-        click.option(
-            "--normals",
-            is_flag=True,
-            help="Write the unit normals of the surface at each vertex, which GLB files always have.",
+        option("--normals", bool)(
+            help="Write the unit normals of the surface at each vertex, which GLB files always have."
         ),
         max_faces_option,
         *solid_options,
-        click.option(
-            "--attribute",
-            "attributes",
-            type=AttributeName(ATTRIBUTES),
-            metavar="NAME",
-            multiple=True,
+        option("--attribute NAME", AttributeName(ATTRIBUTES), into="attributes", multiple=True)(
             help=f"Write this scalar at each vertex of a PLY file: {', '.join(ATTRIBUTES)} (in 1/length² and "
-            f"1/length), or {BASIS}I, the basis function T_I of a patch. May be repeated.",
+            f"1/length), or {BASIS}I, the basis function T_I of a patch. May be repeated."
         ),
         weld_option,
-        click.option(
-            "--require",
-            metavar="WHAT",
-            multiple=True,
+        option("--require WHAT", str, multiple=True)(
             help="Write nothing and exit with status 1, naming edges or places, unless the mesh is watertight "
             "(closed), solid (closed, its faces look outwards, and none cross or turn back), of one piece (one-piece), "
             "no patch or offset turns back on itself (unfolded), or patches meet at angles of a degree at most "
-            "(smooth:1deg). May be repeated.",
+            "(smooth:1deg). May be repeated."
         ),
         takes=Recipe,
     )
     file = gathered(
         "options",
         MeshOptions,
-        click.option(
-            "-f",
-            "--format",
-            type=click.Choice((*FORMATS, *more), case_sensitive=False),
-            help="Format, whatever the name of OUT. By default the suffix of OUT decides, or else obj.",
+        option("-f, --format", click.Choice((*FORMATS, *more), case_sensitive=False))(
+            help="Format, whatever the name of OUT. By default the suffix of OUT decides, or else obj."
         ),
-        click.option("--uv", is_flag=True, help="Write the parameters as texture coordinates."),
-        click.option(
-            "--up",
-            type=click.Choice(UP),
+        option("--uv", bool)(help="Write the parameters as texture coordinates."),
+        option("--up", UP)(
             help="Axis of the file that points up if z does in the spec; by default y in GLB files, as glTF "
-            "prescribes, and z in all others.",
+            "prescribes, and z in all others."
         ),
-        click.option("--ascii", is_flag=True, help="Write PLY and STL as text, with every digit."),
+        option("--ascii", bool)(help="Write PLY and STL as text, with every digit."),
     )
     return lambda function: recipe(file(function))

@@ -12,7 +12,7 @@ import click
 
 from gtb_cli.errors import ExportError
 from gtb_cli.language.reading import Reading
-from gtb_cli.shell.gathering import Option, gathered
+from gtb_cli.shell.gathering import Option, gathered, option
 from gtb_cli.shell.meshing import MeshOptions, summary
 from gtb_cli.shell.messages import STANDARD, Console
 from gtb_cli.shell.options import check_outputs, console_option, mesh_options, output_to, reading_option
@@ -115,13 +115,11 @@ def sequence_options(spec_help: str) -> Option:
     return gathered(
         "out",
         _output,
-        click.option("--emit-spec", is_flag=True, help=spec_help),
-        click.option(
-            "--no-distance",
-            is_flag=True,
-            help="Do not measure how far the meshes are from the limit, which may take longer than making them.",
+        option("--emit-spec", bool)(help=spec_help),
+        option("--no-distance", bool)(
+            help="Do not measure how far the meshes are from the limit, which may take longer than making them."
         ),
-        output_to(metavar="DIR", help="Write the files into this folder, which is made if missing."),
+        output_to("-o, --output DIR")(help="Write the files into this folder, which is made if missing."),
         mesh_options(),
         reading_option,
         console_option,

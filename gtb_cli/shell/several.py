@@ -11,7 +11,7 @@ import click
 from gtb_cli.errors import Fault, GtbError
 from gtb_cli.shell.faults import faults_about
 from gtb_cli.shell.folders import are_several, specs_among
-from gtb_cli.shell.gathering import Option, gathered
+from gtb_cli.shell.gathering import Option, gathered, option
 from gtb_cli.shell.messages import STANDARD
 from gtb_cli.shell.options import INPUT, json_option, streams_options, weld_option
 from gtb_cli.shell.streams import Streams, refuse_overwriting, shown_input, write_json
@@ -108,11 +108,8 @@ def report_options(metavar: str = "SPEC...") -> Option:
         ReportRequest,
         click.argument("specs", metavar=metavar, nargs=-1, required=True, type=INPUT),
         json_option,
-        click.option(
-            "--long",
-            "in_full",
-            is_flag=True,
-            help="Print everything, not just a line for each of several specs or an extract of a large model.",
+        option("--long", bool, into="in_full")(
+            help="Print everything, not just a line for each of several specs or an extract of a large model."
         ),
         weld_option,
         jobs_option,

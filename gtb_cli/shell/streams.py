@@ -98,18 +98,7 @@ def opened(path: str) -> Iterator[IO[bytes]]:
     except BrokenPipeError:
         raise
     except OSError as error:
-        near = _file_like(path) if isinstance(error, FileNotFoundError) else ""
-        raise SpecError(Fault(f"{error.strerror or error}{near and f'; {near} is there'}", shown_input(path))) from None
-
-
-def _file_like(path: str) -> str:
-    """Return a file beside a missing one, much like it but for its suffix; or nothing."""
-    from difflib import get_close_matches
-
-    folder = os.path.dirname(path)
-    files = sorted(os.listdir(folder or ".")) if os.path.isdir(folder or ".") else []
-    there = {os.path.splitext(os.path.join(folder, each).lower())[0]: os.path.join(folder, each) for each in files}
-    return "".join(there[each] for each in get_close_matches(os.path.splitext(path.lower())[0], there, 1, 0.8))
+        raise SpecError(Fault(error.strerror or str(error), shown_input(path))) from None
 
 
 def numbered_rows(file: IO[bytes], source: str, sizes: Collection[int]) -> Iterator[tuple[int, list[float]]]:
@@ -253,15 +242,6 @@ def about(source: str) -> Iterator[None]:
         raise error.within(source) from error
 
 
-def file_of_standard_output() -> str:
-    """Return the name of the file that a shell has put in the place of standard output, where Linux tells it, or ""."""
-    try:
-        name = os.readlink(f"/proc/self/fd/{sys.stdout.fileno()}")
-    except (OSError, ValueError, AttributeError):  # another system, a stream in memory, none
-        return ""
-    return name if os.path.isfile(name) else ""
-
-
 def is_folder(output: str) -> bool:
     """Tell whether the name of an output means a folder."""
     return os.path.isdir(output) or output.endswith(("/", os.sep))
@@ -280,7 +260,8 @@ def output_format(output: str, given: str | None, formats: Collection[str], more
     if output not in (STANDARD, "/dev/stdout") and not is_folder(output) and not is_device(output):
         known = [f".{name}" for name in (*formats, *more)]
         meant = [f", did you mean {each}?" for each in known if sorted(each) == sorted(f".{suffix}")]
-        ends = f"it does not end in {', '.join(known)}{meant[0] if meant else '; give -f FORMAT'}"
+        other = "gtb plot draws pictures" if suffix in ("png", "svg", "pdf") else "give -f FORMAT"
+        ends = f"it does not end in {', '.join(known)}{meant[0] if meant else f'; {other}'}"
         raise ExportError(f"cannot tell the format of {output or repr(output)}: {ends}")
     return next(iter(formats))
 

@@ -11,6 +11,7 @@ import click
 from gtb_cli.errors import ExportError
 from gtb_cli.shell.faults import faults_about
 from gtb_cli.shell.folders import specs_among
+from gtb_cli.shell.gathering import option
 from gtb_cli.shell.messages import STANDARD, finish, tell
 from gtb_cli.shell.streams import Streams
 
@@ -74,11 +75,9 @@ def watched(function: Callable[..., object]) -> Callable[..., object]:
                     finish(2)
             time.sleep(seconds)
 
-    return click.option(
-        "--watch",
-        is_flag=True,
+    return option("--watch", bool)(
         help="Go on until Ctrl-C, and make the files again when a spec changes, or a file that it includes. An error "
-        "is printed, and the old files stay.",
+        "is printed, and the old files stay."
     )(command)
 
 

@@ -7,7 +7,7 @@ import click
 
 from gtb_cli.process.memory import divided_among
 from gtb_cli.process.processes import MAX_JOBS, R, T, in_processes, processors
-from gtb_cli.shell.gathering import gathered
+from gtb_cli.shell.gathering import gathered, option
 from gtb_cli.shell.options import WholeNumber
 
 
@@ -38,24 +38,17 @@ class Workers:
         return in_processes(function, tasks, jobs) if jobs > 1 else (found for found in map(here or function, tasks))
 
 
-jobs_option = click.option(
-    "-j",
-    "--jobs",
-    type=WholeNumber(0, MAX_JOBS),
-    metavar="JOBS",
-    default=1,
+jobs_option = option("-j, --jobs JOBS", WholeNumber(0, MAX_JOBS), default=1)(
     help="Processes that share the work on several specs; 0 means one for each processor; 1 without this option. What "
-    "is written does not depend on the number. Where ulimit -v allows less than 1 GB, this process does it all.",
+    "is written does not depend on the number. Where ulimit -v allows less than 1 GB, this process does it all."
 )
 
 workers_option = gathered(
     "workers",
     Workers,
     jobs_option,
-    click.option(
-        "--cluster",
-        metavar="ADDRESS",
+    option("--cluster ADDRESS", str)(
         help="Share the work on a cluster: the address of a Dask scheduler, or its scheduler file. Needs the extra "
-        "gtb-cli[cluster]; makes the same bytes on processors of one kind, and others are named.",
+        "gtb-cli[cluster]; makes the same bytes on processors of one kind, and others are named."
     ),
 )

@@ -1,4 +1,4 @@
-"""Crossings of a mesh with itself: pairs of triangles that pass through each other or lie upon each other."""
+"""Pairs of triangles of a mesh that pass through each other or lie upon each other; how that is said: `solidity`."""
 
 from collections.abc import Iterator
 
@@ -44,7 +44,7 @@ def crossing_pairs(vertices: FloatArray, cells: IntArray) -> tuple[IntArray, boo
 def facing_of(corners: FloatArray) -> FloatArray:
     """(k, 3) unit normals of (k, 3, 3) triangles; 0 for those that are lines."""
     a, b, c = corners.transpose(1, 0, 2)
-    normals = cross(b - a, c - a)
+    normals = cross(b - a, c - b)
     normals[np.sqrt(dot(normals, normals)) <= 64 * EPS * np.maximum(dot(b - a, b - a), dot(c - a, c - a))] = 0.0
     return unit(normals)
 

@@ -1,4 +1,4 @@
-"""Walls of solids: how far it is from a place on the surface, straight into the solid, to the other side."""
+"""Walls of solids: how far it is from a place straight into the solid to the other side; the least: `printability`."""
 
 import numpy as np
 

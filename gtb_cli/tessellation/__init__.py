@@ -1,1 +1,1 @@
-"""Patch or model to mesh: recipes, too many faces, cells joined along edges, refinement, welding, requirements."""
+"""Patch or model to mesh: recipes, cells joined along edges, refinement, welding, solids made, requirements."""

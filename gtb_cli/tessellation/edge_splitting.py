@@ -1,4 +1,4 @@
-"""A complex that grows: its edges are split in the middle, and the cells beside them are cut by pattern."""
+"""A complex that grows: its edges are split in the middle, and cells are cut by pattern; which edges: `refinement`."""
 
 from collections.abc import Iterator, Sequence
 from functools import reduce

@@ -1,4 +1,4 @@
-"""`Recipe`: how fine a mesh is, as a tube or solid, with which attributes, and what it must be; light to import."""
+"""`Recipe`: the options of a mesh in one value, and the mesh they make; how fine: `tessellate`. Light to import."""
 
 from __future__ import annotations
 
@@ -102,7 +102,7 @@ class Recipe:
         self.check_size(spec)
         spec = with_weld(spec, self.weld)
         surface, tolerance = self._surface(spec, rounding)
-        remarks = self._remarks(spec, surface)
+        remarks = self._remarks(spec)
         mesh = surface
         if self.attributes:
             from gtb_cli.tessellation.attributes import with_attributes
@@ -176,21 +176,20 @@ class Recipe:
             raise ToleranceError(f"{error}: {more}") from None
         return mesh, tolerance
 
-    def _remarks(self, spec: Patch | Model, surface: Mesh) -> list[str]:
+    def _remarks(self, spec: Patch | Model) -> list[str]:
         """Return remarks on corners, on the seams of a model, and on how its mesh is spread."""
         from gtb_cli.models.model import Model
         from gtb_cli.tessellation.doubtful_corners import doubtful_corners
 
-        remarks, model = doubtful_corners(spec), spec if isinstance(spec, Model) else None
-        if model is not None:
+        remarks = doubtful_corners(spec)
+        if isinstance(spec, Model):
             from gtb_cli.models.openings import seam_remarks
 
-            remarks += seam_remarks(model)
-        if self.tolerance is None and (self.parametrization == "toric" or self.resolution <= 2):
-            from gtb_cli.tessellation.remarks import coarse_sides, crowding
+            remarks += seam_remarks(spec)
+        if self.tolerance is None and self.parametrization == "toric":
+            from gtb_cli.tessellation.remarks import crowding
 
-            remarks += coarse_sides(model, surface, self.resolution) if model is not None else []
-            remarks += crowding(spec, self.resolution) if self.parametrization == "toric" else []
+            remarks += crowding(spec, self.resolution)
         return remarks
 
     def tolerance_for(self, spec: Patch | Model) -> float | None:

@@ -35,16 +35,6 @@ def crowding(spec: Patch | Model, resolution: int) -> list[str]:
     return [f'toric parameters crowd: {" and ".join(found)}; leave out `parametrization="toric"`'] if found else []
 
 
-def coarse_sides(model: Model, mesh: Mesh, resolution: int) -> list[str]:
-    """Say how many sides of a uniform mesh have more than two faces because it is so coarse."""
-    if resolution > 2 or mesh.is_curve:
-        return []
-    # Where more than two patches truly share an edge, each of its segments has as many faces with any resolution.
-    crowded = len(mesh.crowded_sides) - resolution * len(model.joints.crowded)
-    why = f"edges of patches that have the same ends are one: {crowded} sides have more than two faces"
-    return [f"with `resolution` {resolution} {why}; `resolution` 3 keeps them apart"] * (crowded > 0)
-
-
 def offset_folds(spec: Patch | Model, mesh: Mesh, solid: Mesh, thickness: float) -> str:
     """Say where the offset of a surface folds in its solid with a thickness; nothing if it does not."""
     folded = folded_faces(solid)

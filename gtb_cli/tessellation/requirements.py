@@ -13,7 +13,7 @@ from gtb_cli.meshes.mesh import Mesh
 from gtb_cli.meshes.topology import are_proper, sides_of
 from gtb_cli.models.model import Model
 from gtb_cli.models.openings import obstacles, parts_of, unjoined_seams
-from gtb_cli.models.rings import open_turns
+from gtb_cli.models.rings_of_copies import open_turns
 from gtb_cli.models.same_edges import find_joints
 from gtb_cli.solids.solidity import AS_IF, folded_places, inward_faces, where
 from gtb_cli.tessellation.point_order import likely_order

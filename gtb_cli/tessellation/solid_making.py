@@ -8,9 +8,9 @@ from typing import TypeAlias
 from gtb_cli.errors import DomainError, RequirementError, ToleranceError
 from gtb_cli.meshes.mesh import Mesh
 from gtb_cli.models.model import Model
-from gtb_cli.models.rings import crowds
+from gtb_cli.models.rings_of_copies import crowds
 from gtb_cli.solids.crossings import CROSSING_DEPTH, crossing_pairs
-from gtb_cli.solids.rims import with_flat_rims
+from gtb_cli.solids.flat_rims import with_flat_rims
 from gtb_cli.solids.solidity import crossing_remarks, where
 from gtb_cli.solids.thickening import folded_faces, thicken
 from gtb_cli.solids.tube import folded_segments, tube

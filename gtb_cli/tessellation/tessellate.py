@@ -1,4 +1,4 @@
-"""Patches and models to meshes: uniform, or within a tolerance or percentage, by the rooms beside."""
+"""Patches and models to meshes: uniform (cells: `even_triangulation`), or within a tolerance (`refinement`)."""
 
 import math
 import os

@@ -1,4 +1,4 @@
-"""The refusal of meshes with too many faces for `-n`, before they are made (for a tolerance: `refinement`)."""
+"""The refusal of `-n` with too many faces or too little memory, before it meshes (for a tolerance: `refinement`)."""
 
 import math
 import os

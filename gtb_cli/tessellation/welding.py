@@ -1,4 +1,4 @@
-"""What a weld moves: vertices, to means of curves and corners; which edges it joins: `models.same_edges`."""
+"""What a weld moves: vertices, to means of curves and corners; which edges: `models.same_edges`, how: `complexes`."""
 
 from functools import cached_property
 

@@ -45,20 +45,13 @@ class Comparing:
         if _are_equal_meshes(first, second):
             return verdict
         from gtb_cli.distances.diff_and_distance import compared
-        from gtb_cli.distances.operands import made_with
 
         a, b = self.read(first), self.read(second)
         found = compared(a, b, self.tolerance, self.kind, self.ignore)
         formats = [each.known.format.upper() for each in (a, b) if each.spec is None]
         if suffix_of(first) == suffix_of(second) != "" and len({*formats}) > 1:  # other programs go by the name
             found = replace(found, values=(*found.values, f"format: {' against '.join(formats)}"))
-        warnings = found.limits
-        (one, spec), (file, mesh) = sorted(zip((a, b), shown, strict=True), key=lambda side: side[0].spec is None)
-        if found.method == "surface" != self.kind and found.same_kind and one.spec and self.recipe.tolerance is None:
-            made = made_with(one.spec, len(file.known.mesh.cells))
-            if made not in (None, self.recipe.resolution):
-                warnings += (f"{mesh} has as many cells as {spec} has with -n {made}: -n {made} compares vertices",)
-        verdict = replace(verdict, found=found, warnings=warnings)
+        verdict = replace(verdict, found=found, warnings=found.limits)
         if found.same:
             return verdict
         return replace(verdict, word="different", meshes=(_mesh_of(lambda: a), _mesh_of(lambda: b)))

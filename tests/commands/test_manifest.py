@@ -11,6 +11,7 @@ import pytest
 import trimesh
 
 from gtb_cli import __version__
+from gtb_cli.shell.folders import files_in
 from tests.marks import mostly_long
 from tests.shell import PENTAGON, REPOSITORY, SPECS, gtb
 from tests.test_architecture import loaded_by
@@ -63,3 +64,9 @@ def test_it_imports_no_trimesh_for_a_version(tmp_path):
     assert "trimesh" not in loaded
     assert (tmp_path / "m.json").exists()
     assert str(REPOSITORY) not in (tmp_path / "m.json").read_text()
+
+
+def test_a_large_file_is_no_manifest_as_reading_it_takes_memory(tmp_path):
+    for size, count in ((0, 0), (10**7, 1)):
+        (tmp_path / "m.json").write_text('{"versions": 1, "options": 1, "files": 1' + " " * size + "}")
+        assert len(files_in(str(tmp_path), {})) == count

@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
+from gtb_cli.filling.control_points import Rows
 from gtb_cli.filling.fill import filled
 from gtb_cli.filling.holes import ring_sides
-from gtb_cli.filling.net import net
-from gtb_cli.filling.rows import Rows
+from gtb_cli.filling.knots_and_weights import net
 from gtb_cli.filling.sides import side_normals
 from gtb_cli.filling.tangent_rows import edge_rows
 from gtb_cli.models.model import Model

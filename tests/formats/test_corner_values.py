@@ -5,7 +5,7 @@ import re
 import numpy as np
 import pytest
 
-from gtb_cli import Mesh, diff, tessellate, write_mesh
+from gtb_cli import GtbError, Mesh, diff, tessellate, write_mesh
 from gtb_cli.formats.meshfiles import decode_mesh
 from gtb_cli.meshes.mesh import NORMALS, TEXTURE
 from tests.patches import pentagon
@@ -115,3 +115,11 @@ def test_each_byte_of_pictures_that_libraries_name_counts(tmp_path, text):
         (tmp_path / folder / "x.obj").write_bytes(keyword + b" m.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\nusemap q\nf 1 2 3\n")
     a, b, c = (tmp_path / folder / "x.obj" for folder in "abc")
     assert (diff(a, b).values, diff(a, c).same) == (("other data: libraries and pictures: not the same",), True)
+
+
+def test_libraries_that_name_too_many_files_are_refused(tmp_path):
+    (tmp_path / "m.mtl").write_text("".join(f"map_Kd {k}\n" for k in range(10_001)))
+    for name in "ab":
+        (tmp_path / name).write_text(f"mtllib m.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\nusemtl {name}\nf 1 2 3\n")
+    with pytest.raises(GtbError, match="names more than 10000 files"):
+        diff(tmp_path / "a", tmp_path / "b")

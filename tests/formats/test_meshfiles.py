@@ -433,7 +433,7 @@ DAMAGED = {
                 ),
                 '<item objectid="8"/>',
             ),
-            "has more than 50000000 numbers in all objects together",
+            "numbers, or changes of material, in all objects together",
         ),
     ],
 }

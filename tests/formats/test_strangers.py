@@ -3,6 +3,7 @@
 import copy
 import io
 import json
+import tracemalloc
 import zipfile
 from collections.abc import Iterator
 from functools import reduce
@@ -13,7 +14,8 @@ import numpy as np
 import pytest
 
 from gtb_cli import GtbError
-from gtb_cli.formats import glb as glb_room
+from gtb_cli.formats import glb as glb_room, glb_tree
+from gtb_cli.formats.file_arrays import mark_of
 from gtb_cli.formats.meshfiles import decode_mesh
 from gtb_cli.meshes.difference import difference
 from gtb_cli.meshes.mesh import KnownMesh
@@ -91,7 +93,7 @@ def test_attributes_of_glb_count_in_each_node(share, monkeypatch):
         decode_mesh(glb(tree, BINARY), "a")
 
 
-def test_few_bytes_of_glb_cannot_stand_for_many():
+def test_few_bytes_of_glb_or_3mf_cannot_stand_for_many():
     many = {f"HELD._{k}": 2 for k in range(9)} | {"accessors.2.count": 10**9}
     with pytest.raises(GtbError, match="1000000000 rows for 3 vertices"):
         edited(**many).values()
@@ -104,6 +106,24 @@ def test_few_bytes_of_glb_cannot_stand_for_many():
         edited(**{"bufferViews.0.byteStride": 4})
     with pytest.raises(GtbError, match="expected 4 numbers, got 3"):
         edited(**{"materials.0": {"pbrMetallicRoughness": {"baseColorFactor": [1, 0, 0]}}})
+    with pytest.raises(GtbError, match="has 21000 nodes, more than 20"):
+        edited(nodes=[{}] * 21_000)
+    points = {"primitives": [{"mode": 0}] * 2000}
+    with pytest.raises(GtbError, match="corners of cells in all nodes"):
+        edited(meshes=[points, *TREE["meshes"]], nodes=[{"mesh": 0}] * 1000 + [{"mesh": 1}])
+    cells = "".join(f'<triangle v1="0" v2="1" v3="2" p1="{k % 2}"/>' for k in range(3000))
+    mesh = TRIANGLE[: TRIANGLE.index("<triangle ")] + f"{cells}</triangles></mesh>"
+    objects = f'<basematerials id="2"><base name="a"/><base name="b"/></basematerials><object id="1" pid="2">{mesh}'
+    with pytest.raises(GtbError, match="numbers, or changes of material, in all objects"):
+        decode_mesh(archive(f"{objects}</object>", '<item objectid="1"/>' * 80), "a")
+
+
+def test_what_a_mesh_of_glb_says_is_told_once_however_many_nodes_share_it(monkeypatch):
+    monkeypatch.setattr(glb_tree, "mark_of", lambda *told: taken.append(sum(map(len, told))) or mark_of(*told))
+    mesh, taken = TREE["meshes"][0] | {"extras": "y" * 1000, "weights": [0.5] * 100}, list[int]()
+    mesh["primitives"] = mesh["primitives"] + [{"mode": 0}] * 100
+    assert edited(meshes=[mesh], nodes=[{"mesh": 0}] * 100).values()
+    assert sum(taken) < 100_000
 
 
 def test_names_of_attributes_may_differ_in_case_only():
@@ -124,3 +144,12 @@ def test_further_files_in_a_3mf_archive(name, unseen):
         found.append(decode_mesh(file.getvalue(), "a"))
     what = "extensions" if name.lower().startswith("maps") else "further parts"
     assert difference(*found).values == (not unseen) * (f"other data: {what}: not the same",)
+
+
+def test_a_point_that_obj_names_often_is_written_once():
+    text = b"v .1 .2 .3\nv 1 0 0\nv 0 1 0\nf 1 2 3\np" + 20_000 * b" 1" + b"\n"
+    tracemalloc.start()
+    decode_mesh(text, "a")
+    peak = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    assert peak < 150 * 20_000

@@ -65,11 +65,13 @@ def test_what_specs_say(text: str, patch: Patch) -> None:
 def test_an_arc_stands_for_four_control_points() -> None:
     """A quarter of a circle, with the known factor of a cubic; a side of a polygon; and points, in one list."""
     q, y = 4 * (2**0.5 - 1), -(27**0.5)
-    rows = '"arc(R, 1, 90*deg)", " arc( 2*R, -1, -60*deg, 0)", [5, 0, 2], [5, 1, 2], [5, 2, 2], [5, "R", 2]'
+    rows = '"arc(R, 1, 90*deg)", " arc( 2*R, -1, -60*deg, 0, -pi)", [5, 0, 2], [5, 1, 2], [5, 2, 2], [5, "R", 2]'
     spec = f'knots = "grid 3x4"\nlet = {{R = 3}}\ncontrol_points = [{rows}]\ncoefficients = "binomial"'
     points = parse(spec).patches[0].control_points
-    expected = [[3, 0, 1], [3, q, 1], [q, 3, 1], [0, 3, 1], *[[6, 0, -1]] * 2, *[[3, y, -1]] * 2]
+    expected = [[3, 0, 1], [3, q, 1], [q, 3, 1], [0, 3, 1], *[[-6, 0, -1]] * 2, *[[-3, -y, -1]] * 2]
     np.testing.assert_allclose(points, [*expected, [5, 0, 2], [5, 1, 2], [5, 2, 2], [5, 3, 2]], rtol=0, atol=1e-14)
+    with pytest.raises(SpecError, match="got 1: an arc stands without brackets of its own"):
+        parse('knots = "grid 2x4"\ncontrol_points = [["arc(3, 0, 1)", "arc(4, 0, 1)"]]')
 
 
 def test_models() -> None:

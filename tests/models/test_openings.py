@@ -36,10 +36,10 @@ def pair(weight: float = 1.0, knot: float = 0.5, shift: float = 0.0) -> Model:
                     "against 1 2 1"),
         (pair(1.0, 0.75), "one edge 1 is open: same ends and control points as two edge 3, but knots at 0 0.5 1 "
                           "against 0 0.75 1 of the edge"),
-        (pair(shift=0.015), "one edge 1 is open: 0.015 from two edge 3, `weld` 0.02 joins them, with no finer "
-                             "`tolerance`"),
-        (pair(shift=1.5e-4), "one edge 1 is open: 0.00015 from two edge 3, `weld` 0.0002 joins them, with no finer "
-                              "`tolerance`"),
+        (pair(shift=0.015), "one edge 1 is open: 0.015 from two edge 3, `weld` 0.02 joins them, if `tolerance` "
+                             "is not below it"),
+        (pair(shift=1.5e-4), "one edge 1 is open: 0.00015 from two edge 3, `weld` 0.0002 joins them, if `tolerance` "
+                             "is not below it"),
     ],
 )  # fmt: skip
 def test_a_pair_of_open_edges_has_a_line_that_says_what_differs(model, line):

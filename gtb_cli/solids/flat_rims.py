@@ -1,4 +1,4 @@
-"""Flat rims: the offset of a solid trimmed and extended to the planes in which the rims of its surface lie."""
+"""Flat rims: the wall of `thickening`, with its offset trimmed and extended to the planes of the surface's rims."""
 
 from dataclasses import replace
 

@@ -1,4 +1,4 @@
-"""Rows of control points inside the edges, with factors of their fields, and all points that have the least energy."""
+"""Control points of a filling: rows inside the edges, with factors of their fields, and those of the least energy."""
 
 from collections.abc import Sequence
 from typing import Any
@@ -8,7 +8,7 @@ import numpy as np
 from gtb_cli.arrays import FloatArray, IntArray, cross
 from gtb_cli.fairing.fair import RIDGE_FRACTION
 from gtb_cli.filling.corner_equations import POINT, CornerForms
-from gtb_cli.filling.net import Net
+from gtb_cli.filling.knots_and_weights import Net
 from gtb_cli.filling.osculation import polar
 from gtb_cli.filling.tangent_rows import EdgeRows
 

@@ -81,7 +81,10 @@ def _near(points: FloatArray, others: FloatArray, distance: float) -> BoolArray:
 
 
 def polygon(lengths: FloatArray) -> FloatArray:
-    """Return (r, 2) corners, counter-clockwise, of a polygon in a circle with sides like `lengths` and mean side 1."""
+    """Return (r, 2) corners of a polygon in a circle with sides like `lengths` and mean side 1.
+
+    They are counter-clockwise from the lower left, so that sides are edges of the domain in its order.
+    """
     # Of the mean side: the inner knots of a more elongated domain would crowd, and at its wide corners between short
     # sides no row would be near enough to its edge
     shortest = 0.9
