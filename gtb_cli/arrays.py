@@ -176,6 +176,11 @@ def paired(first: IntArray, second: IntArray, count: int) -> IntArray:
     return np.multiply(first, count, dtype=np.int64) + second
 
 
+def grid_knots(rows: int, columns: int) -> FloatArray:
+    """(n, 2) knots of a grid, row by row."""
+    return np.indices((rows, columns), dtype=float).reshape(2, -1).T
+
+
 def merged(count: int, pairs: IntArray) -> IntArray:
     """Return the smallest index, (count,), to which each index is connected by (c, 2) pairs."""
     label = np.arange(count, dtype=index_type(count))

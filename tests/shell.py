@@ -94,6 +94,10 @@ def run_process(words: list[str], folder: Path | None = None, stdin: bytes = b""
     return Result(done.returncode, done.stdout, done.stderr.decode("utf-8"), shlex.join(words))
 
 
+def names(folder: Path) -> list[str]:
+    return sorted(path.name for path in folder.iterdir())
+
+
 def until(condition: Callable[[], object]) -> object:
     """Wait until something is so, and return what the condition says then: at once, or late on a busy machine."""
     end = time.monotonic() + TIMEOUT

@@ -97,8 +97,9 @@ def spline_surfaces(
         best, last = _best_of(trials(fitted_pieces, SPANS), most._replace(angle=np.inf), angle, curved)
     if best is None:
         off = f"{last.gap:.3g} off along edges"
-        off = f"{last.error:.3g} off, more than {allowed:.3g}" if last.error > allowed else off
-        raise ToleranceError(f"fitted surfaces of {SPANS[-1]} × {SPANS[-1]} spans are still {off}")
+        off = f"{last.error:.3g} off, more than {allowed:.3g}" if last.error > most.error else off
+        spans = (CURVED_SPANS if curved else SPANS)[-1]
+        raise ToleranceError(f"fitted surfaces of {spans} × {spans} spans are still {off}")
     pieces, reached = best
     if angle is not None and (apart := max(reached.bend, reached.angle)) > angle:
         raise ToleranceError(f"planes of fitted faces still differ by {apart:.6g} degrees, more than {angle:g}")

@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from gtb_cli.errors import GtbError
 from gtb_cli.language.reading import Reading
 from gtb_cli.shell.several import ReportRequest, report_options
 from gtb_cli.shell.streams import is_terminal, spec_of
@@ -33,16 +32,13 @@ def check(request: ReportRequest) -> None:
     from gtb_cli.checks.report import counts
 
     is_plain = os.environ.get("NO_COLOR") or os.environ.get("TERM") == "dumb" or not is_terminal(request.streams.output)
-    rows, errors = request.found(_checked)
-    request.write(
-        rows,
-        _data,
-        lambda name, row: f"{'holds' if row.holds else 'fails'}  {name}: {counts(row.findings)}",
-        lambda row: click.unstyle(_text(row)) if is_plain else _text(row),
+    found = request.report(
+        _checked,
+        record=_data,
+        line=lambda name, row: f"{'holds' if row.holds else 'fails'}  {name}: {counts(row.findings)}",
+        text=lambda row: click.unstyle(_text(row)) if is_plain else _text(row),
     )
-    if errors:
-        raise GtbError(*errors)
-    if not all(row.holds for _, row in rows):
+    if not all(row.holds for row in found):
         raise click.exceptions.Exit(1)
 
 

@@ -89,7 +89,7 @@ def fill(
     from gtb_cli.filling.fill import filled, filled_in_some_way, holes_of
     from gtb_cli.filling.hole_files import read_loop
     from gtb_cli.filling.part_holes import Part
-    from gtb_cli.language.writer import check_target, dump
+    from gtb_cli.language.writer import check_target
     from gtb_cli.models.model import Model
 
     source, kind = shown_input(loop), surface_format(None, streams.output)
@@ -117,7 +117,7 @@ def fill(
         write_blocks(streams.output, [block])
     elif not filling.fault and not (as_json and streams.output == STANDARD):
         # Before its certificate: it may be impossible
-        streams.write(dump(filling.model or filling.patch, streams.output))
+        streams.write_spec(filling.model or filling.patch, source)
     if as_json:
         write_json(STANDARD, _certificate(filling, seams, written=not bends))
     if filling.fault:

@@ -27,7 +27,6 @@ def fit(points: str, knots: tuple[float, ...] | None, streams: Streams) -> None:
     the first point, ends at the last, and misses no point by more than 1e-12 of the largest coordinate.
     """
     from gtb_cli.fairing.fit import fit as fitted
-    from gtb_cli.language.writer import dump
 
     max_points = 1_000_000
     with opened(points) as file:
@@ -36,5 +35,5 @@ def fit(points: str, knots: tuple[float, ...] | None, streams: Streams) -> None:
         raise SpecError(f"{shown_input(points)}: has {f'more than {max_points}' if rows else 'no'} points")
     with about(shown_input(points)):
         found = fitted(rows, knots)
-    streams.write(dump(found.curve.replace(name=input_stem(points)), streams.output))
+    streams.write_spec(found.curve.replace(name=input_stem(points)), shown_input(points))
     streams.console.note(f"{len(rows)} points, {found.rounds} rounds, {found.distance:.3g} left")

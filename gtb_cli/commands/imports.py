@@ -28,7 +28,6 @@ def import_(file: str, format: str | None, streams: Streams) -> None:
     from gtb_cli.filling.hole_files import SUFFIXES, loop_from_text
     from gtb_cli.filling.one_patch import fill_loop
     from gtb_cli.importers.readers import import_data
-    from gtb_cli.language.writer import dump
 
     source = shown_input(file)
     data = read_bytes(file)
@@ -42,8 +41,6 @@ def import_(file: str, format: str | None, streams: Streams) -> None:
                 raise RequirementError(f"{filling.fault}; it is not written")
         shape, remarks = filling.patch, filling.remarks
         remarks += ("the inside is made fair and is not that of the file's scheme",)
-    with about(source):
-        text = dump(shape, streams.output)
-    streams.write(text)
+    streams.write_spec(shape, source)
     for remark in remarks:
         streams.console.note(f"{source}: {remark}")

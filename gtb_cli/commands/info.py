@@ -52,11 +52,8 @@ def info(request: ReportRequest, up: Up, solid: Recipe | None) -> None:
     or --radius they are those of the solid that gtb mesh makes with the same options, and so is the printed volume.
     """
     in_full = request.in_full
-    report = partial(_found, in_full=request.as_json or in_full, up=None if request.in_lines else up, solid=solid)
-    rows, errors = request.found(report, meshes=True)
-    request.write(rows, dict, _line, partial(_text, in_full=in_full), gap="\n")
-    if errors:
-        raise GtbError(*errors)
+    found = partial(_found, in_full=request.as_json or in_full, up=None if request.in_lines else up, solid=solid)
+    request.report(found, meshes=True, record=dict, line=_line, text=partial(_text, in_full=in_full), gap="\n")
 
 
 def _line(name: str, found: dict[str, Any]) -> str:
@@ -141,6 +138,7 @@ def _report_of(loaded: Spec, in_full: bool) -> dict[str, Any]:
 
 def _joints(model: Model, in_full: bool) -> dict[str, Any]:
     from gtb_cli.models.openings import near_misses
+    from gtb_cli.models.rings_of_copies import wrong_rings
     from gtb_cli.models.smoothness import bends
     from gtb_cli.theory.edges import edge_name
 
@@ -155,7 +153,8 @@ def _joints(model: Model, in_full: bool) -> dict[str, Any]:
         "almost_shared_edges": [
             {"edges": [name(first), name(second)], "distance": distance} for first, second, distance in joints.almost
         ],
-        "not_joined": [
+        "not_joined": wrong_rings(model.patches, model.weld)
+        or [
             f"{name(first)}: {in_options(reason).format(name(second))}"
             for first, second, reason in near_misses(joints, model.patches)
         ],

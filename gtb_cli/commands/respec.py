@@ -5,7 +5,7 @@ import click
 from gtb_cli.errors import SpecError
 from gtb_cli.shell.gathering import option
 from gtb_cli.shell.options import WholeNumber, numbers_of, spec_argument, spec_from_spec, streams_options
-from gtb_cli.shell.streams import Spec, Streams, single
+from gtb_cli.shell.streams import Spec, Streams, shown_input, single
 from gtb_cli.vocabulary import ENERGIES, KEEPS, Fairness, Keep
 
 
@@ -83,7 +83,6 @@ def bezier(spec: str, split: tuple[float, ...] | None, streams: Streams) -> None
     integers; otherwise the error says why not. The image is the same, and all weights are positive.
     """
     from gtb_cli.bezier.pieces import bezier_pieces, split_curve
-    from gtb_cli.language.writer import dump
     from gtb_cli.models.model import Model
 
     if split is not None and len(split) != 1:
@@ -95,8 +94,7 @@ def bezier(spec: str, split: tuple[float, ...] | None, streams: Streams) -> None
             raise SpecError(f"is a model of {len(loaded.patches)} patches, and --split is for one curve")
         else:
             pieces = split_curve(loaded, split[0])
-        text = dump(pieces, streams.output)
-    streams.write(text)
+    streams.write_spec(pieces, shown_input(spec))
     surfaces = loaded if isinstance(loaded, Model) and loaded.dimension == 2 else None
     if surfaces and (opened := len(pieces.joints.open) - 2 * len(surfaces.joints.open)) > 0:
         streams.console.warn(f"{opened} edges of pieces are open where patches are joined: they are divided elsewhere")
@@ -148,7 +146,6 @@ def fair(spec: str, energy: Fairness, keep: Keep, streams: Streams) -> None:
     its variation becomes larger; thin-plate and Dirichlet energy are least, and the surface may vary more.
     """
     from gtb_cli.fairing.fair import fair as made_fair
-    from gtb_cli.language.writer import dump
     from gtb_cli.models.model import Model
     from gtb_cli.theory.edges import patch_name
 
@@ -157,8 +154,7 @@ def fair(spec: str, energy: Fairness, keep: Keep, streams: Streams) -> None:
         with streams.console.clock("fair"):
             found = made_fair(model, energy, keep) if model else (made_fair(single(loaded), energy, keep),)
         whole = model.replace(patches=tuple(part.patch for part in found)) if model else found[0].patch
-        text = dump(whole, streams.output)
-    streams.write(text)
+    streams.write_spec(whole, shown_input(spec))
     names = [f"{patch_name(part.patch, index)}: " if model else "" for index, part in enumerate(found)]
     for name, part, given in zip(names, found, loaded.patches, strict=True):
         if part.folds:

@@ -26,6 +26,7 @@ from gtb_cli.filling.strips import curve_sides
 from gtb_cli.knots.even_triangulation import central_triangulation
 from gtb_cli.language.document import MAX_BYTES
 from gtb_cli.models.model import Model
+from gtb_cli.models.openings import other_grids
 from gtb_cli.theory.edges import EdgeRef, edge_name, patch_name
 from gtb_cli.theory.patch import Patch
 from gtb_cli.vocabulary import CONTINUITIES
@@ -168,6 +169,8 @@ def with_fills(
             raise DomainError("`fills`: fills holes of a model of surfaces, [[patches]], and this is none")
         try:
             end = _loose_end(spec, hole_edges(spec, hole, own))
+            if end and (grids := other_grids(spec)):
+                raise DomainError(grids[0])
             filling = filled_in_some_way(spec, hole, None, continuity=kind)
         except DomainError as error:
             words = str(error).removeprefix("hole: ").replace("`hole`", "`fills`")

@@ -6,18 +6,18 @@ from typing import TypeAlias
 
 import numpy as np
 
-from gtb_cli.arrays import FloatArray, IntArray, merged
+from gtb_cli.arrays import FloatArray, IntArray, grid_knots, merged
 from gtb_cli.errors import one_of_alike
 from gtb_cli.models.joints import Joints
 from gtb_cli.models.model import Model, diagonal_of
 from gtb_cli.models.near_ends import meeting, touching
-from gtb_cli.models.rings_of_copies import closing_turn, crowds, missing_copies, wrong_rings
+from gtb_cli.models.rings_of_copies import crowds, missing_copies, wrong_rings
 from gtb_cli.models.same_edges import find_joints
-from gtb_cli.theory.edges import CURVE_TOLERANCE, Curve, EdgeRef, edge_curve, edge_curves, edge_name
+from gtb_cli.theory.edges import CURVE_TOLERANCE, Curve, EdgeRef, edge_curve, edge_curves, edge_name, patch_name
 from gtb_cli.theory.patch import Patch
+from gtb_cli.values import grouped
 
 MAX_SHOWN = 8  # numbers of an edge, or nearly closed seams that a message shows
-WELD = ", `weld`"  # begins what joins two edges
 FAR_WELD = 0.01  # of an edge's size: welding over a larger distance is worth a remark
 
 Miss: TypeAlias = tuple[EdgeRef, EdgeRef, str]  # two edges that are nearly joined, and how they differ
@@ -53,8 +53,7 @@ def near_misses(joints: Joints, patches: Sequence[Patch]) -> list[Miss]:
             found.append((first, second, difference or "same ends as {}, and another curve between them"))
             told |= {first, second}
     found += _petals(joints, {ref: curves[ref] for ref in left if ref not in told}, found, patches)
-    turns = ((miss, closing_turn(patches, *(ref[0] for ref in miss[:2]))) for miss in found)
-    return sorted((*miss[:2], f"{miss[2].partition(WELD)[0]}{turn}" if turn else miss[2]) for miss, turn in turns)
+    return sorted(found)
 
 
 def _petals(joints: Joints, curves: dict[EdgeRef, Curve], known: list[Miss], patches: Sequence[Patch]) -> list[Miss]:
@@ -114,6 +113,28 @@ def _outer_knot(patches: Sequence[Patch], one: EdgeRef, other: EdgeRef) -> str:
     return ""
 
 
+def other_grids(model: Model) -> list[str]:
+    """Name patches whose knots are a grid, and which join more edges if it has as many rows as it has columns."""
+    lines, weld = [], model.weld
+    surfaces = model.patches if model.dimension == 2 else ()
+    for own in grouped((patch.knots.tobytes(), k) for k, patch in enumerate(surfaces)).values():
+        knots = model.patches[own[0]].knots
+        rows, columns = (round(float(x)) + 1 for x in knots.max(axis=0))
+        is_loose = sum(ref[0] == own[0] for ref in model.joints.open) > 2
+        if not is_loose or rows == columns or not np.array_equal(knots, grid_knots(rows, columns)):
+            continue
+        order = np.arange(rows * columns).reshape(rows, columns).T.ravel()
+        trial = [*model.patches]
+        for k in own:
+            coefficients = trial[k].coefficients[order]
+            trial[k] = trial[k].replace(knots=grid_knots(columns, rows), coefficients=coefficients)
+        if (more := len(find_joints(trial, weld).shared) - len(model.joints.shared)) > 0:
+            name = patch_name(model.patches[own[0]], own[0])
+            grids = f"grid {columns}x{rows}, not {rows}x{columns}"
+            lines.append(f"{name} is open: with knots {grids}, {more} more edges are joined")
+    return lines
+
+
 def parts_of(joints: Joints, count: int) -> IntArray:
     """(n,) the first patch of the part, joined by shared edges, to which each of n patches belongs."""
     pairs = [(joint.first[0], joint.second[0]) for joint in joints.shared]
@@ -145,7 +166,7 @@ def _difference(one: Curve, other: Curve, tolerance: float, distance: float | No
 
 def _cure(edge: Curve, distance: float) -> str:
     is_far = distance > 2 * FAR_WELD * edge.size
-    return "" if is_far else f"{WELD} {above(distance)} joins them, if `tolerance` is not below it"
+    return "" if is_far else f", `weld` {above(distance)} joins them, if `tolerance` is not below it"
 
 
 def above(distance: float) -> str:
@@ -211,7 +232,7 @@ def unjoined_seams(model: Model, are_touching: bool = False) -> list[str]:
     Like seams share a line.
     """
     patches, part = model.patches, parts_of(model.joints, len(model.patches))
-    if lines := wrong_rings(patches, model.weld):
+    if lines := other_grids(model) or wrong_rings(patches, model.weld):
         return lines
     misses = near_misses(model.joints, patches)
     if are_touching:

@@ -1,4 +1,4 @@
-"""Rings of copies that do not close: turned by a wrong angle, about a wrong axis, or with one copy too few or many."""
+"""Rings of copies that do not close: turned by a wrong angle or about a wrong axis, or a copy too few or too many."""
 
 import math
 from collections.abc import Iterator, Sequence
@@ -13,18 +13,6 @@ from gtb_cli.theory.edges import CURVE_TOLERANCE, edge_curve, edge_name
 from gtb_cli.theory.patch import Patch
 
 SAME_ANGLE = 1e-6  # degrees within which two angles are one
-
-
-def closing_turn(patches: Sequence[Patch], one: int, other: int) -> str:
-    """Say which angle closes a ring of at most all patches, if one is another one turned by nearly that; else nothing.
-
-    It begins with a semicolon, for the end of a line.
-    """
-    nearly, degrees = 0.05, _turn(patches[one], patches[other])  # of the angle
-    parts = round(360 / degrees) if degrees > SAME_ANGLE else 0
-    if not 3 <= parts <= len(patches) or not SAME_ANGLE < abs(360 / parts - degrees) < nearly * degrees:
-        return ""
-    return f"; a turn of {360 / parts:.4g} degrees (360/{parts}), not {degrees:.4g}, closes the ring"
 
 
 def missing_copies(joints: Joints, patches: Sequence[Patch]) -> list[str]:
@@ -42,19 +30,8 @@ def missing_copies(joints: Joints, patches: Sequence[Patch]) -> list[str]:
     return one_of_alike(lines)
 
 
-def open_turns(patches: Sequence[Patch]) -> list[str]:
-    """Say of a patch and its copies, three or more, which angle would make a ring of them."""
-    lines = []
-    for ring, degrees in _rings_of_copies(patches):
-        closed = 360 / len(ring)
-        if len(ring) > 2 and abs(closed - degrees) > SAME_ANGLE:
-            cure = f"by {degrees:.4g} degrees each: {closed:.4g} (360/{len(ring)}) makes a ring"
-            lines.append((cure, f"{patches[ring[0]].name} and {len(ring) - 1} copies are turned {cure}"))
-    return one_of_alike(lines)
-
-
 def wrong_rings(patches: Sequence[Patch], weld: float | None) -> list[str]:
-    """Name copies after a whole turn, and axes about which copies that are not joined would close a ring."""
+    """Name copies after a whole turn, and turns by which copies that are not joined would close a ring."""
 
     def are_joined(three: Sequence[Patch], weld: float | None = None) -> bool:
         found = find_joints(three, weld)
@@ -64,18 +41,20 @@ def wrong_rings(patches: Sequence[Patch], weld: float | None) -> list[str]:
     lines = []
     for ring, degrees in _rings_of_copies(patches):
         first, *others = (patches[k] for k in ring)
-        parts, angles = round(360 / degrees), np.radians([0.0, degrees, 2 * degrees])
-        if parts > len(ring) or abs(360 / parts - degrees) > SAME_ANGLE:
-            continue
-        if parts < len(ring) and _are_one(first, others[parts - 1]):
+        parts, closed = round(360 / degrees), 360 / len(ring)
+        if parts < len(ring) and abs(360 / parts - degrees) < SAME_ANGLE and _are_one(first, others[parts - 1]):
             cure = f"{parts - 1} copies close the ring"
             lines.append((cure, f"{others[parts - 1].name} lies where {first.name} is: {cure}"))
-        is_ring = 2 < parts == len(ring) and abs(_turn(*others[:2]) - degrees) <= SAME_ANGLE
+        is_ring = len(ring) > 2 and abs(_turn(*others[:2]) - degrees) <= SAME_ANGLE
+        angles = np.radians([0.0, closed, 2 * closed])
         for axis, name in enumerate("xyz" if is_ring and not are_joined([first, *others[:2]], weld) else ""):
             turns = [np.array([[1, 0, 0], [0, np.cos(a), np.sin(a)], [0, -np.sin(a), np.cos(a)]]) for a in angles]
             points = [first.control_points @ np.roll(turn, (axis, axis), (0, 1)) for turn in turns]
             if are_joined([first.replace(control_points=each) for each in points]):
                 cure = f"turned about the {name} axis, they close a ring"
+                if abs(closed - degrees) > SAME_ANGLE:
+                    turn = f"{closed:.4g} degrees (360/{len(ring)}) about the {name} axis"
+                    cure = f"a turn of {turn}, not {degrees:.4g}, closes the ring"
                 lines.append((cure, f"{first.name} and {len(others)} copies are not joined: {cure}"))
     return one_of_alike(lines)
 

@@ -12,7 +12,7 @@ from gtb_cli.language.reading import Reading, assignment
 from gtb_cli.shell.gathering import Function, Option, gathered, option, reads
 from gtb_cli.shell.meshing import MeshOptions
 from gtb_cli.shell.messages import STANDARD, Console
-from gtb_cli.shell.streams import Spec, Streams, refuse_overwriting
+from gtb_cli.shell.streams import Spec, Streams, refuse_overwriting, shown_input
 from gtb_cli.tessellation.recipe import Recipe
 from gtb_cli.vocabulary import (
     ATTRIBUTES,
@@ -261,11 +261,9 @@ def spec_from_spec(function: Callable[..., Spec]) -> Function:
     @streams_options
     @functools.wraps(function)
     def command(*, spec: str, streams: Streams, **values: Any) -> None:
-        from gtb_cli.language.writer import dump
-
         with streams.spec_of(spec) as loaded:
-            text = dump(function(loaded, **values), streams.output)
-        streams.write(text)
+            found = function(loaded, **values)
+        streams.write_spec(found, shown_input(spec))
 
     return command
 

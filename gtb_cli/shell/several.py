@@ -58,14 +58,14 @@ class ReportRequest:
         """True if each of several specs gets one line."""
         return are_several(self.specs) and not self.in_full and not self.as_json
 
-    def found(self, report: Callable[..., Found], meshes: bool = False) -> tuple[list[tuple[str, Found]], list[Fault]]:
-        """Return what ``report(path, reading=…, weld=…)`` returns for each spec, or mesh, by name, and the errors.
+    def report(self, measured: Callable[..., Found], meshes: bool = False, **forms: Any) -> list[Found]:
+        """Write and return what ``measured(path, reading=…, weld=…)`` finds for each spec, or mesh; `forms` say how.
 
-        Several processes share the work, so `report` is a function of a module; this one reads standard input. It is a
-        `GtbError` if all specs have errors.
+        Several processes share the work, so `measured` is a function of a module; this one reads standard input. Then
+        it is a `GtbError` if some specs have errors.
         """
         specs = inputs_of(self.specs, self.streams.output, meshes)
-        reported = partial(attempted, function=partial(report, reading=self.streams.reading, weld=self.weld))
+        reported = partial(attempted, function=partial(measured, reading=self.streams.reading, weld=self.weld))
         found: list[tuple[str, Found]] = []
         errors: list[Fault] = []
         with closing(Workers(self.jobs).results(reported, [spec for spec in specs if spec != STANDARD])) as elsewhere:
@@ -75,11 +75,13 @@ class ReportRequest:
                     errors += result.faults
                 else:
                     found.append((shown_input(spec), result))
-        if not found:
+        if found:
+            self._write(found, **forms)
+        if errors:
             raise GtbError(*errors)
-        return found, errors
+        return [each for _, each in found]
 
-    def write(
+    def _write(
         self,
         rows: Sequence[tuple[str, Found]],
         record: Callable[[Found], dict[str, Any]],

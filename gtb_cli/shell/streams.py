@@ -46,6 +46,14 @@ class Streams:
         """Write text to the output."""
         write_text(self.output, text)
 
+    def write_spec(self, spec: Spec, source: str) -> None:
+        """Write a spec to the output; an error names the source if no spec holds this."""
+        from gtb_cli.language.writer import dump
+
+        with about(source):
+            text = dump(spec, self.output)
+        self.write(text)
+
 
 @contextmanager
 def spec_of(path: str, reading: Reading = AS_SEEN, warn: Tell = str, note: Tell = str) -> Iterator[Spec]:

@@ -43,7 +43,7 @@ def offset_of(mesh: Mesh, thickness: float) -> FloatArray:
     on_seam = np.bincount(links[is_mitred[links[:, 0]], 0], minlength=count) == 2
     is_corner = are_used(boundary(mesh)[0], count) & ~along.any(axis=1)
     for stays in (is_mitred | is_corner, (is_mitred & ~on_seam) | is_corner):
-        is_moving, latest = np.zeros(count, dtype=bool), folded
+        is_moving, latest, numbers = np.zeros(count, dtype=bool), folded, list[int]()
         for rings in np.ceil(1.5 ** np.arange(11)).astype(int):  # a rim that they reach holds them back
             before = is_moving.copy()
             is_moving[mesh.cells[latest]] = True
@@ -59,6 +59,9 @@ def offset_of(mesh: Mesh, thickness: float) -> FloatArray:
                 best, folded = moved, latest
             if not len(folded):
                 return best
+            numbers.append(len(latest))
+            if numbers[0] > min(numbers[:-2], default=math.inf) <= min(numbers[-2:]):  # two rounds made it no better
+                break
     return best
 
 

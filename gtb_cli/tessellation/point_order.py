@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from gtb_cli.arrays import FloatArray
+from gtb_cli.arrays import FloatArray, grid_knots
 from gtb_cli.theory.patch import Patch
 
 
@@ -21,8 +21,8 @@ def likely_order(patch: Patch, is_certain: bool) -> str:
     weights, squares = _weights(knots), _squares(points / size)
     whole, rows = float((weights * squares).sum()), len(np.unique(knots[:, 0]))
     columns = count // rows
-    if np.array_equal(weights, _weights(_grid(rows, columns))):  # which may be mirrored
-        other = float((_weights(_grid(columns, rows)) * squares).sum())
+    if np.array_equal(weights, _weights(grid_knots(rows, columns))):  # which may be mirrored
+        other = float((_weights(grid_knots(columns, rows)) * squares).sum())
         if other < enough * whole:
             return f"its knots were grid {columns}x{rows}"
     products = weights @ squares / whole
@@ -30,10 +30,6 @@ def likely_order(patch: Patch, is_certain: bool) -> str:
     exchanged = 1 + 2 * (products + products.T - own - own[:, None]) + 4 * weights * squares / whole
     first, second = divmod(int(np.round(exchanged, 9).argmin()), count)  # the first of equal ones
     return f"control points {first} and {second} were exchanged" if exchanged[first, second] < enough else other_order
-
-
-def _grid(rows: int, columns: int) -> FloatArray:
-    return np.indices((rows, columns), dtype=float).reshape(2, -1).T
 
 
 def _weights(knots: FloatArray) -> FloatArray:

@@ -13,7 +13,6 @@ from gtb_cli.meshes.mesh import Mesh
 from gtb_cli.meshes.topology import are_proper, sides_of
 from gtb_cli.models.model import Model
 from gtb_cli.models.openings import obstacles, parts_of, unjoined_seams
-from gtb_cli.models.rings_of_copies import open_turns
 from gtb_cli.models.same_edges import find_joints
 from gtb_cli.solids.solidity import AS_IF, folded_places, inward_faces, where
 from gtb_cli.tessellation.point_order import likely_order
@@ -95,7 +94,7 @@ def _pieces(spec: Patch | Model, mesh: Mesh) -> list[str]:
 
 
 def _loose_parts(model: Model) -> list[str]:
-    """Name the parts of a model that share no edge, and angles that would join them; nothing if it is one."""
+    """Name the parts of a model that share no edge; nothing if it is one."""
     patches = model.patches
     firsts, counts = np.unique(parts_of(model.joints, len(patches)), return_counts=True)
     if len(counts) < 2 or patches[0].dimension == 1:
@@ -103,7 +102,7 @@ def _loose_parts(model: Model) -> list[str]:
     sizes, most = sorted(zip(firsts.tolist(), counts.tolist(), strict=True)), 8
     names = [patch_name(patches[k], k) + f" and {count - 1} more" * (count > 1) for k, count in sizes[:most]]
     loose = f"{len(counts)} parts share no edge: {'; '.join(names)}{'; ...' * (len(counts) > most)}"
-    return [*open_turns(patches), loose]
+    return [loose]
 
 
 def _creases(spec: Patch | Model, angle: float) -> list[str]:

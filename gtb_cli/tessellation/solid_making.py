@@ -24,7 +24,7 @@ from gtb_cli.vocabulary import RESOLUTION, Parametrization, Rim
 Held: TypeAlias = Callable[[Mesh], tuple[Mesh, str]]
 # A tube or a wall; faults of the surface, which no other thickness mends; folds; and where the wall is thin
 Solid: TypeAlias = tuple[Mesh, list[str], list[str], list[str]]
-FEW_CELLS, MANY_CELLS = 5_000, 20_000  # up to which there is time for six tries, and from which on only for one
+FEW_CELLS, MANY_CELLS = 5_000, 20_000  # up to which there is time for eight tries, and from which on only for two
 
 
 @frozen
@@ -60,7 +60,7 @@ class TubeMaker:
                 return not folds and not crossings_of(mesh, *held(mesh))
             return False
 
-        return _smaller(radius, is_solid, len(curve.cells), "a radius of {:g}".format)
+        return _smaller(radius, radius, is_solid, len(curve.cells), "a radius of {:g}".format)
 
 
 @frozen
@@ -101,7 +101,7 @@ class WallMaker:
             return f"a wall thinner than {CROSSING_DEPTH:g} of the size cannot be told from one that does"
         radius, cells = sharpest_bend(self.spec, surface, thickness)[0], len(surface.cells)
         tolerances = [min(abs(thickness) / share, size / 500) for share in (50, 10)]
-        ways = [(f"`tolerance` {each:.1g}", None, float(f"{each:.1g}"), cells) for each in tolerances]
+        ways = [(f"`tolerance` {each:.1g}", None, float(f"{each:.1g}"), min(cells, MANY_CELLS)) for each in tolerances]
         coarse = RESOLUTION // 2  # finer meshes that are hopeless take many seconds
         even = f"`resolution` {coarse}", coarse, None, max(2 * cells, FEW_CELLS)
         for way, n, tolerance, most in (*ways, even) if radius == math.inf else ():  # else no fineness helps
@@ -109,7 +109,7 @@ class WallMaker:
                 other = tessellate(self.spec, n, tolerance, normals=True, max_faces=most)
                 if len(other.cells) != cells and is_solid(thickness, other):
                     return f"it hangs on the fineness: with {way} it was tried and is solid"
-        found = _smaller(math.copysign(min(abs(thickness), radius), thickness), is_solid, cells, self._words)
+        found = _smaller(thickness, radius, is_solid, cells, self._words)
         is_other = cells < MANY_CELLS and is_solid(-thickness)
         return found + f"; on the other side {self._words(-thickness)} is solid" * is_other
 
@@ -128,17 +128,19 @@ def crossings_of(mesh: Mesh, stored: Mesh, coarse: str) -> list[str]:
     return crossings
 
 
-def _smaller(value: float, is_solid: Callable[[float], bool], cells: int, words: Callable[[float], str]) -> str:
-    """Name the largest of a few smaller values that make a solid, or say that none does."""
-    # The first are 1/2, 1/8, 1/64 and 1/1024 of it; when one is solid, it is bisected upwards.
-    tries = 6 if cells < FEW_CELLS else 4 if cells < MANY_CELLS else 1
-    low, high, tried = 0.0, value, 0
-    while tried < (tries if low else min(tries, 4)):
-        middle = float(f"{(low + high) / 2 if low else high / 2 ** (tried + 1):.3g}")
-        low, high = (middle, high) if is_solid(middle) else (low, middle)
+def _smaller(
+    value: float, most: float, is_solid: Callable[[float], bool], cells: int, words: Callable[[float], str]
+) -> str:
+    """Name a smaller value that makes a solid, near the largest that does, or say that none was found."""
+    # The first are 95 % of what bends allow, if that is less, or 1/2, and 1/8, 1/64 and 1/1024; from one that is solid,
+    # it is bisected upwards.
+    near, tries = 0.95, 8 if cells < FEW_CELLS else 5 if cells < MANY_CELLS else 2
+    low, high, tried = 0.0, min(abs(value), most), 0
+    while (tried < tries and low < near * high) if low else tried < min(tries, 4):
+        first = 0.95 if most < abs(value) and not tried else 1 / 2 ** (tried + 1)
+        middle = float(f"{math.sqrt(low * high) if low else first * high:.3g}")
+        low, high = (middle, high) if is_solid(math.copysign(middle, value)) else (low, middle)
         tried += 1
     if low:
-        return f"{words(low)} was tried and is solid"
-    if tried == 1:
-        return f"{words(high)} was tried and is not solid"
-    return f"{tried} down to {words(high)} were tried, and none is solid"
+        return f"{words(math.copysign(low, value))} was tried and is solid"
+    return f"{tried} down to {words(math.copysign(high, value))} were tried, and none is solid"

@@ -12,7 +12,7 @@ from gtb_cli.errors import GtbError
 from gtb_cli.shell.messages import Console
 from gtb_cli.shell.streams import Streams
 from gtb_cli.shell.watching import Files, watched
-from tests.shell import command, environment, until
+from tests.shell import command, environment, names, until
 
 INNER = "knots = [[0, 0], [1, 0], [0, 1]]\ncontrol_points = [[0, 0, 0], [1, 0, 0], [0, 1, {}]]\n"
 
@@ -39,7 +39,7 @@ def test_an_edit_of_an_included_file_renews_the_mesh_and_an_error_leaves_it(tmp_
             process.send_signal(signal.SIGINT)
             process.communicate(timeout=120)
     assert process.returncode == 130
-    assert sorted(path.name for path in tmp_path.iterdir()) == ["inner.toml", "outer.toml", "x.obj"]
+    assert names(tmp_path) == ["inner.toml", "outer.toml", "x.obj"]
 
 
 def test_an_error_is_said_only_if_it_stays(monkeypatch, capfd):

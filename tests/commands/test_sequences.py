@@ -9,7 +9,7 @@ import pytest
 from gtb_cli.knots.decomposition import regular_decomposition
 from gtb_cli.language.loading import parse
 from tests.marks import mostly_long
-from tests.shell import SPECS, gtb
+from tests.shell import SPECS, gtb, names
 from tests.specs import load
 
 SURFACE = str(SPECS / "example-4.4.toml")
@@ -24,10 +24,6 @@ def lines(path: Path, kind: str) -> list[str]:
     return [line for line in path.read_text().splitlines() if line.startswith(f"{kind} ")]
 
 
-def listing(folder: Path) -> list[str]:
-    return sorted(path.name for path in folder.iterdir())
-
-
 # --- degenerate
 
 
@@ -38,7 +34,7 @@ def test_the_sequence_of_example_44(n, tmp_path):
     result = gtb("degenerate", SURFACE, *(f"-x{x}" for x in values), "-n", n, "-o", out, status=0)
     assert result.out == b""
     files = [f"example-4.4-x{x}.obj" for x in values] + ["example-4.4-limit.obj"]
-    assert listing(out) == sorted([*files, "sequence.json"])
+    assert names(out) == sorted([*files, "sequence.json"])
     record = json.loads((out / "sequence.json").read_text())
     assert list(record) == ["schema", "name", "meshes", "rate"]
     assert record["rate"]["predicted"] == pytest.approx(72 / 97)
@@ -80,10 +76,10 @@ def test_the_spec_of_one_x(tmp_path):
     for x, sign in (("inf", 1), ("0", -1)):
         limit = parse(gtb("degenerate", SURFACE, "-x", x, "--emit-spec").out, "out.toml")
         assert len(limit.patches) == len(regular_decomposition(patch.knots, sign * patch.lifting).cells)
-    assert listing(tmp_path) == []
+    assert names(tmp_path) == []
     both = gtb("degenerate", SURFACE, "-x", "5", "-n1", "--no-distance", "--emit-spec", "-o", tmp_path)
     assert both.out == result.out
-    assert len(listing(tmp_path)) == 3
+    assert len(names(tmp_path)) == 3
     far = parse(gtb("degenerate", SURFACE, "-x1e200", "--emit-spec").out, "out.toml")
     np.testing.assert_allclose(far.log_weights, patch.log_weights + patch.lifting * np.log(1e200), rtol=1e-14)
 
@@ -94,7 +90,7 @@ def test_the_spec_of_one_x(tmp_path):
 def test_the_sequence_of_example_42(tmp_path):
     result = gtb("knot-limit", MOVING, "--merge", "3:1", "--steps", "0,0.8", "-n4", "-o", tmp_path, status=0)
     files = [f"example-4.2-{label}.obj" for label in ("step0", "step0.8", "limit")]
-    assert listing(tmp_path) == sorted([*files, "sequence.json"])
+    assert names(tmp_path) == sorted([*files, "sequence.json"])
     record = json.loads((tmp_path / "sequence.json").read_text())
     assert [entry["file"] for entry in record["meshes"]] == files
     assert [entry["step"] for entry in record["meshes"]] == [0, 0.8, 1]

@@ -28,6 +28,7 @@ from tests.shell import (
     environment,
     example_of,
     gtb,
+    names,
     process,
     run_process,
     script,
@@ -100,10 +101,6 @@ def read_all(terminal: int) -> str:
         except OSError:  # how Linux says that the other end is closed
             break
     return shown.decode("utf-8")
-
-
-def names(folder: Path) -> list[str]:
-    return sorted(path.name for path in folder.iterdir())
 
 
 # --- commands

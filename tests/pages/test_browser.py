@@ -9,7 +9,7 @@ import pytest
 from tests.plots.images import near
 from tests.shell import SPECS, command, environment, gtb, until
 from tests.specs import load
-from tests.tools.browser import BROWSERS, WINDOW, Browser
+from tests.tools.browser import WINDOW, Browser
 
 pytestmark = pytest.mark.long
 
@@ -17,12 +17,6 @@ pytestmark = pytest.mark.long
 PLATE = """knots = [[0, 0], [1, 0], [0, 1], [1, 1]]
 control_points = [[0, 0, 0], [40, 0, 0], [0, 30, 0], [40, 30, 0]]
 """
-
-
-@pytest.fixture(scope="module", params=BROWSERS, ids=lambda kind: kind.__name__)
-def browser(request, tmp_path_factory):
-    with request.param(tmp_path_factory.mktemp("profile")) as made:
-        yield made
 
 
 @pytest.fixture(scope="module")

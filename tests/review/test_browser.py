@@ -7,18 +7,12 @@ import numpy as np
 import pytest
 
 from tests.shell import SPECS, gtb
-from tests.tools.browser import BROWSERS, WINDOW
+from tests.tools.browser import WINDOW
 
 pytestmark = pytest.mark.long
 
 HOSTILE = "<img src=x onerror=alert(1)>\n|`\u202e.obj"
 SHOWN = "<img src=x onerror=alert(1)>\\n|`\\u202e.obj"
-
-
-@pytest.fixture(scope="module", params=BROWSERS, ids=lambda kind: kind.__name__)
-def browser(request, tmp_path_factory):
-    with request.param(tmp_path_factory.mktemp("profile")) as made:
-        yield made
 
 
 @pytest.fixture(scope="module")

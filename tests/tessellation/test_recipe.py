@@ -86,7 +86,7 @@ def test_a_solid_whose_distant_parts_meet_says_so():
         assert Recipe(12, thickness=thickness).mesh(drop)[1] == []
     (remark,) = Recipe(12, thickness=0.2).mesh(drop)[1]
     assert remark.startswith("the solid passes through itself: ")
-    assert "; `thickness` 0.138 was tried and is solid" in remark  # they touch from 0.1 / cos(atan(2.9/3)) on
+    assert "; `thickness` 0.135 was tried and is solid" in remark  # they touch from 0.1 / cos(atan(2.9/3)) on
     assert remark.endswith("is solid; on the other side `thickness` -0.2 is solid")
     with pytest.raises(RequirementError, match="not unfolded: the solid passes through itself"):
         Recipe(12, thickness=0.2, require=("unfolded",)).mesh(drop)

@@ -17,6 +17,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pytest
 
 from tests.plots.images import pixels
 
@@ -278,3 +279,9 @@ def _gone() -> bytes:
 
 
 BROWSERS = [browser for browser in (Chromium, Firefox) if browser.THERE]  # those that are installed here
+
+
+@pytest.fixture(scope="module", params=BROWSERS, ids=lambda kind: kind.__name__)
+def browser(request, tmp_path_factory):
+    with request.param(tmp_path_factory.mktemp("profile")) as made:
+        yield made
