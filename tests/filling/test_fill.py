@@ -22,7 +22,7 @@ from tests.filling.loops import random_sides
 from tests.filling.test_one_patch import CUP, PLANES, TRIANGLE
 from tests.marks import long, mostly_long
 from tests.shell import SPECS, gtb
-from tests.solids.test_rims import walls
+from tests.solids.test_flat_rims import walls
 from tests.specs import SECONDS
 from tests.surfaces import box
 from tests.tools.mutations import mutated
