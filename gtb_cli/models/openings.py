@@ -11,7 +11,7 @@ from gtb_cli.errors import one_of_alike
 from gtb_cli.models.joints import Joints
 from gtb_cli.models.model import Model, diagonal_of
 from gtb_cli.models.near_ends import meeting, touching
-from gtb_cli.models.rings import are_one, crowds, missing_copies, wrong_rings
+from gtb_cli.models.rings import crowds, missing_copies, wrong_rings
 from gtb_cli.models.same_edges import find_joints
 from gtb_cli.theory.edges import CURVE_TOLERANCE, Curve, EdgeRef, edge_curve, edge_curves, edge_name, patch_name
 from gtb_cli.theory.patch import Patch
@@ -234,11 +234,7 @@ def unjoined_seams(model: Model, are_touching: bool = False) -> list[str]:
     Like seams share a line.
     """
     patches, part = model.patches, parts_of(model.joints, len(model.patches))
-    beside = dict.fromkeys((joint.first[0], joint.second[0]) for joint in model.joints.shared)
-    twins = [(patches[p].name, patches[q].name) for p, q in beside if p != q and are_one(patches[p], patches[q])]
-    cure = "`rotate`, `translate`, `mirror` or `scale` moves a copy"
-    copies = one_of_alike((cure, f"{other} lies where {one} is: {cure}") for one, other in twins)
-    if lines := other_grids(model) or wrong_rings(patches, model.weld) or copies:
+    if lines := other_grids(model) or wrong_rings(patches, model.weld):
         return lines
     misses = near_misses(model.joints, patches)
     if are_touching:

@@ -44,7 +44,7 @@ def wrong_rings(patches: Sequence[Patch], weld: float | None) -> list[str]:
     for ring, degrees in _rings_of_copies(patches):
         first, *others = (patches[k] for k in ring)
         parts, closed = round(360 / degrees), 360 / len(ring)
-        if parts < len(ring) and abs(360 / parts - degrees) < SAME_ANGLE and are_one(first, others[parts - 1]):
+        if parts < len(ring) and abs(360 / parts - degrees) < SAME_ANGLE and _are_one(first, others[parts - 1]):
             cure = f"{parts - 1} copies close the ring"
             lines.append((cure, f"{others[parts - 1].name} lies where {first.name} is: {cure}"))
         is_ring = len(ring) > 2 and abs(_turn(*others[:2]) - degrees) <= SAME_ANGLE
@@ -72,12 +72,12 @@ def crowds(joints: Joints, patches: Sequence[Patch]) -> list[tuple[str, str]]:
             if sum(ref[0] == p for ref in refs) > 1 and apart <= CURVE_TOLERANCE * curve.size:
                 why = f"all control points of {patches[p].name} are those of one edge: is its height 0?"
         for one, other in combinations([*{ref[0]: patches[ref[0]] for ref in refs}.values()][:few], 2):
-            why = f"{other.name} lies where {one.name} is" if are_one(one, other) else why
+            why = f"{other.name} lies where {one.name} is" if _are_one(one, other) else why
         found.append((f"{', '.join(edge_name(patches, ref) for ref in refs)} are one curve", why))
     return found
 
 
-def are_one(one: Patch, other: Patch) -> bool:
+def _are_one(one: Patch, other: Patch) -> bool:
     """Tell whether two patches are in one place, to a part of their size."""
     here, there, alike = one.control_points, other.control_points, 1e-9
     return here.shape == there.shape and bool(np.abs(there - here).max() < alike * np.ptp([here, there]))
