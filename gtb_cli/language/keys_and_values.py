@@ -93,9 +93,8 @@ class Values:
             return [None]
         fault = ""
         if not 3 <= len(given) <= 5:
-            fault = (
-                f"must be arc(radius, height, angle) or arc(radius, height, angle, roundness, start), got {shown(text)}"
-            )
+            forms = "arc(radius, height, angle) or arc(radius, height, angle, roundness, start)"
+            fault = f"must be {forms}, got {shown(text)}"
         elif not name.startswith("arc"):
             fault = f"arc is written in small letters, got {shown(text)}"
         elif not 0 < abs(given[2]) <= math.pi:

@@ -186,11 +186,10 @@ class Recipe:
             from gtb_cli.models.openings import seam_remarks
 
             remarks += seam_remarks(model)
-        if self.tolerance is None and (self.parametrization == "toric" or self.resolution <= 2):
-            from gtb_cli.tessellation.remarks import coarse_sides, crowding
+        if self.tolerance is None and self.parametrization == "toric":
+            from gtb_cli.tessellation.remarks import crowding
 
-            remarks += coarse_sides(model, surface, self.resolution) if model is not None else []
-            remarks += crowding(spec, self.resolution) if self.parametrization == "toric" else []
+            remarks += crowding(spec, self.resolution)
         return remarks
 
     def tolerance_for(self, spec: Patch | Model) -> float | None:

@@ -1,4 +1,4 @@
-"""Remarks on meshes: crowded vertices, coarse seams, offsets that fold, and walls that are too thin."""
+"""Remarks on meshes: crowded vertices, offsets that fold, and walls that are too thin."""
 
 import math
 
@@ -33,16 +33,6 @@ def crowding(spec: Patch | Model, resolution: int) -> list[str]:
     found = [f"{lost} of {count} {cells} have corners at one point"] * bool(lost)
     found += [f"one {side} spans {widest:.0%} of the patch"] * (widest > max_side and resolution >= min_resolution)
     return [f'toric parameters crowd: {" and ".join(found)}; leave out `parametrization="toric"`'] if found else []
-
-
-def coarse_sides(model: Model, mesh: Mesh, resolution: int) -> list[str]:
-    """Say how many sides of a uniform mesh have more than two faces because it is so coarse."""
-    if resolution > 2 or mesh.is_curve:
-        return []
-    # Where more than two patches truly share an edge, each of its segments has as many faces with any resolution.
-    crowded = len(mesh.crowded_sides) - resolution * len(model.joints.crowded)
-    why = f"edges of patches that have the same ends are one: {crowded} sides have more than two faces"
-    return [f"with `resolution` {resolution} {why}; `resolution` 3 keeps them apart"] * (crowded > 0)
 
 
 def offset_folds(spec: Patch | Model, mesh: Mesh, solid: Mesh, thickness: float) -> str:
