@@ -275,8 +275,8 @@ def test_what_takes_a_patch_takes_the_path_of_its_spec(pentagon, box):
     assert gtb_cli.joints(SPECS / "box-corner.toml") == gtb_cli.joints(box)
     for wrong, message in (
         (SPECS / "box-corner.toml", "box-corner.toml: expected a single patch, this is a model of 7"),
-        (box, "patch: expected a Patch or the path of its spec file, got Model"),
-        (3, "patch: expected a Patch or the path of its spec file, got int"),
+        (box, "expected a Patch, or the path of a spec file, got Model"),
+        (3, "expected a Patch, or the path of a spec file, got int"),
         ("nowhere.toml", "nowhere.toml: No such file"),
     ):
         with pytest.raises(gtb_cli.GtbError, match=message):

@@ -82,6 +82,8 @@ def read_copy(entries: dict[str, Any], path: Path, values: Values, allowed: int)
     names = (name,) if name and "repeat" not in entries else tuple(f"{name or original}-{k + 1}" for k in range(count))
     if fault := name_fault(names[-1]):
         table.fault("name", fault)
+    if not entries.keys() & {"mirror", "scale", "rotate", "translate"} and not values.faults.doubt:
+        values.faults.doubt = (*path, "copy"), "stays in its place: `mirror`, `scale`, `rotate` or `translate` moves it"
     return Copy(path, original, names, read_moves(table, count))
 
 

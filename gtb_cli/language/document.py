@@ -87,7 +87,7 @@ class Document:
         return {path: lines[-1] for path, lines in around.items() if lines}
 
 
-_ALIKE = re.compile(r"unknown name '\w+'|must be a whole number from 1 to \d+, got '.*")
+_ALIKE = re.compile(r"unknown name '\w+'|must be a whole number from 1 .*|angle must .* radians|arc is written")
 
 
 class Faults:

@@ -86,15 +86,17 @@ class Values:
 
     def _arc(self, text: str, path: Path) -> list[FloatArray] | list[None]:
         """Read the four control points of a circle's arc, or of one that is less round, about the z axis."""
-        parts = text.strip(" \t")[4:-1].split(",")
+        name, _, inside = text.strip(" \t")[:-1].partition("(")
+        parts = inside.split(",")
         given = [number for part in parts if (number := self.number(part, path, COORDINATE)) is not None]
         if len(given) < len(parts):
             return [None]
         fault = ""
         if not 3 <= len(given) <= 5:
-            fault = (
-                f"must be arc(radius, height, angle) or arc(radius, height, angle, roundness, start), got {shown(text)}"
-            )
+            forms = "arc(radius, height, angle) or arc(radius, height, angle, roundness, start)"
+            fault = f"must be {forms}, got {shown(text)}"
+        elif not name.startswith("arc"):
+            fault = f"arc is written in small letters, got {shown(text)}"
         elif not 0 < abs(given[2]) <= math.pi:
             fault = f"the angle must be at most 180*deg, got {given[2]:g} radians in {shown(text)}"
         if fault:
@@ -218,7 +220,7 @@ class Table:
 
 def is_arc(entry: object) -> bool:
     """Tell whether an entry of a list of points stands for the four of an arc."""
-    return isinstance(entry, str) and re.fullmatch(r"[ \t]*arc\(.*\)[ \t]*", entry) is not None
+    return isinstance(entry, str) and re.fullmatch(r"(?i)[ \t]*arc[ \t]*\(.*\)[ \t]*", entry) is not None
 
 
 def decimal_commas(entries: list[object], expected: int) -> str:

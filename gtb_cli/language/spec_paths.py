@@ -21,21 +21,17 @@ def of_patch(
 
     @wraps(function)
     def taking(patch: Patch | SpecPath, *others: Others.args, **options: Others.kwargs) -> Result:
-        from gtb_cli.language.loading import load_patch
-
-        found = load_patch(patch) if isinstance(patch, str | os.PathLike) else patch
-        if not isinstance(found, Patch):
-            raise DomainError(f"patch: expected a Patch or the path of its spec file, got {type(patch).__name__}")
-        return function(found, *others, **options)
+        return function(loaded(patch, Patch), *others, **options)
 
     return taking  # type: ignore[return-value]  # it may be named, as `patch`
 
 
 def loaded(thing: Any, *kinds: type) -> Any:
     """Load the patch or model of a path; `DomainError` if this or another thing is of none of these classes."""
-    from gtb_cli.language.loading import load
+    from gtb_cli.language.loading import load, load_patch
 
-    found = load(thing) if isinstance(thing, str | os.PathLike) else thing
+    read = load_patch if kinds == (Patch,) else load
+    found = read(thing) if isinstance(thing, str | os.PathLike) else thing
     if not isinstance(found, kinds):
         names = " or ".join(kind.__name__ for kind in kinds)
         raise DomainError(f"expected a {names}, or the path of a spec file, got {type(found).__name__}")

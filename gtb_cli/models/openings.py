@@ -28,7 +28,9 @@ def obstacles(joints: Joints, patches: Sequence[Patch]) -> list[str]:
     misses, name = near_misses(joints, patches), partial(edge_name, patches)
     told = {ref for miss in misses for ref in miss[:2]}
     lines = [f"{name(one)} is open: {why.format(name(other))}" for one, other, why in misses]
-    lines += missing_copies(joints, patches) or _rings([ref for ref in joints.open if ref not in told], patches)
+    lines += missing_copies(joints, patches, len(patches)) or _rings(
+        [ref for ref in joints.open if ref not in told], patches
+    )
     lines += [f"{', '.join(map(name, refs))} are one curve: more than two meet there" for refs in joints.crowded]
     pairs = [(name(joint.first), name(joint.second)) for joint in joints.one_sided]
     return lines + [f"{one} and {other} cannot be given the same orientation" for one, other in pairs]
@@ -115,23 +117,22 @@ def _outer_knot(patches: Sequence[Patch], one: EdgeRef, other: EdgeRef) -> str:
 
 def other_grids(model: Model) -> list[str]:
     """Name patches whose knots are a grid, and which join more edges if it has as many rows as it has columns."""
-    lines, weld = [], model.weld
-    surfaces = model.patches if model.dimension == 2 else ()
+    lines, surfaces = [], model.patches if model.dimension == 2 else ()
     for own in grouped((patch.knots.tobytes(), k) for k, patch in enumerate(surfaces)).values():
-        knots = model.patches[own[0]].knots
+        knots = surfaces[own[0]].knots
         rows, columns = (round(float(x)) + 1 for x in knots.max(axis=0))
         is_loose = sum(ref[0] == own[0] for ref in model.joints.open) > 2
         if not is_loose or rows == columns or not np.array_equal(knots, grid_knots(rows, columns)):
             continue
         order = np.arange(rows * columns).reshape(rows, columns).T.ravel()
-        trial = [*model.patches]
+        other, trial = grid_knots(columns, rows), [*surfaces]
         for k in own:
-            coefficients = trial[k].coefficients[order]
-            trial[k] = trial[k].replace(knots=grid_knots(columns, rows), coefficients=coefficients)
-        if (more := len(find_joints(trial, weld).shared) - len(model.joints.shared)) > 0:
-            name = patch_name(model.patches[own[0]], own[0])
+            trial[k] = trial[k].replace(knots=other, coefficients=trial[k].coefficients[order])
+        if (more := len(find_joints(trial, model.weld).shared) - len(model.joints.shared)) > 0:
             grids = f"grid {columns}x{rows}, not {rows}x{columns}"
-            lines.append(f"{name} is open: with knots {grids}, {more} more edges are joined")
+            lines.append(
+                f"{patch_name(surfaces[own[0]], own[0])} is open: with knots {grids}, {more} more edges are joined"
+            )
     return lines
 
 

@@ -15,17 +15,19 @@ from gtb_cli.theory.patch import Patch
 SAME_ANGLE = 1e-6  # degrees within which two angles are one
 
 
-def missing_copies(joints: Joints, patches: Sequence[Patch]) -> list[str]:
-    """Name the rings of a patch and its copies that one more copy would close."""
+def missing_copies(joints: Joints, patches: Sequence[Patch], most: int = 1) -> list[str]:
+    """Name the rings of a patch and its copies that one more copy would close, or at most so many."""
     pairs, free, lines = [(joint.first, joint.second) for joint in joints.shared], set(joints.open), []
     for ring, degrees in _rings_of_copies(patches):
-        if abs(360 / (len(ring) + 1) - degrees) > SAME_ANGLE:
+        more = round(360 / degrees) - len(ring)
+        if not 0 < more <= most or abs(360 / (len(ring) + more) - degrees) > SAME_ANGLE:
             continue
         for (p, end), (q, start) in (*pairs, *(pair[::-1] for pair in pairs)):
             ends = (ring[0], start), (ring[-1], end)
             if [p, q] == ring[:2] and free.issuperset(ends):
                 names = " and ".join(edge_name(patches, ref) for ref in ends)
-                cure = f"one more copy, turned by {degrees:.4g} degrees, closes the ring"
+                copies, close = (f"{more} more copies", "close") if more > 1 else ("one more copy", "closes")
+                cure = f"{copies}, turned by {degrees:.4g} degrees, {close} the ring"
                 lines.append((cure, f"{names} are open: {cure}"))
     return one_of_alike(lines)
 

@@ -123,7 +123,8 @@ def side_of_wall(solid: Mesh, otherwise: str) -> str:
     ):
         for signed, word in zip((along, -along), words, strict=True):
             if signed.min() > least and signed.max() > rounding:
-                return word + flat
+                rises = moves[surface[:, 2] >= surface[:, 2].max() - plane, 2].max() > 0.99  # as of a lip, or a lid
+                return word + flat + ", its level top upwards" * bool(rises and word.startswith(SIDES[0]))
     return otherwise + flat
 
 

@@ -112,27 +112,27 @@ class Recipe:
             remarks += [f"the curvature has no finite limit {where}"] * bool(lost)
         maker: TubeMaker | WallMaker | None = None
         size = self.radius or 0.0
-        if self.radius is not None:
-            from gtb_cli.tessellation.solid_making import TubeMaker
-
-            maker = TubeMaker(spec, self.parametrization, tolerance, self.max_faces)
-        elif self.thickness is not None:
-            from gtb_cli.solids.thickening import signed_thickness
-            from gtb_cli.tessellation.solid_making import WallMaker
-
-            size, side = signed_thickness(surface, self.thickness), thickness_of(self.thickness)[0]
-            words = (f"{SIDES[0]}:", f"{SIDES[1]}:") if side else ("-", "")
-            maker = WallMaker(spec, self.rim, words[::-1] if side and (side == SIDES[1]) != (size > 0) else words)
         faults, folds, thin = list[str](), list[str](), list[str]()
-        if maker is not None:
-            try:
-                mesh, faults, folds, thin = maker.solid(mesh, size)
-            except DomainError as error:
-                from gtb_cli.models.openings import gaps_of
+        try:
+            if self.radius is not None:
+                from gtb_cli.tessellation.solid_making import TubeMaker
 
-                causes = [remark for remark in remarks if AS_IF in remark]
-                causes += gaps_of(spec) if isinstance(spec, Model) else []
-                raise DomainError(*causes, *error.args) from None
+                maker = TubeMaker(spec, self.parametrization, tolerance, self.max_faces)
+            elif self.thickness is not None:
+                from gtb_cli.solids.thickening import signed_thickness
+                from gtb_cli.tessellation.solid_making import WallMaker
+
+                size, side = signed_thickness(surface, self.thickness), thickness_of(self.thickness)[0]
+                words = (f"{SIDES[0]}:", f"{SIDES[1]}:") if side else ("-", "")
+                maker = WallMaker(spec, self.rim, words[::-1] if side and (side == SIDES[1]) != (size > 0) else words)
+            if maker is not None:
+                mesh, faults, folds, thin = maker.solid(mesh, size)
+        except DomainError as error:
+            from gtb_cli.models.openings import gaps_of
+
+            causes = [remark for remark in remarks if AS_IF in remark]
+            causes += gaps_of(spec) if isinstance(spec, Model) else []
+            raise DomainError(*causes, *error.args) from None
         held = held or (lambda mesh: (mesh, ""))
         is_solid = not mesh.is_curve and (self.thickness is not None or "solid" in self.require)
         must_close = is_solid or ("watertight" in self.require and not mesh.is_curve)

@@ -1,4 +1,4 @@
-"""Remarks on meshes: crowded vertices, coarse seams, offsets that fold, and walls that are too thin."""
+"""Remarks on meshes: crowded vertices, offsets that fold, and walls that are too thin."""
 
 import math
 

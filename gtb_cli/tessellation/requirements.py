@@ -101,8 +101,7 @@ def _loose_parts(model: Model) -> list[str]:
         return []
     sizes, most = sorted(zip(firsts.tolist(), counts.tolist(), strict=True)), 8
     names = [patch_name(patches[k], k) + f" and {count - 1} more" * (count > 1) for k, count in sizes[:most]]
-    loose = f"{len(counts)} parts share no edge: {'; '.join(names)}{'; ...' * (len(counts) > most)}"
-    return [loose]
+    return [f"{len(counts)} parts share no edge: {'; '.join(names)}{'; ...' * (len(counts) > most)}"]
 
 
 def _creases(spec: Patch | Model, angle: float) -> list[str]:

@@ -24,7 +24,7 @@ from gtb_cli.vocabulary import RESOLUTION, Parametrization, Rim
 Held: TypeAlias = Callable[[Mesh], tuple[Mesh, str]]
 # A tube or a wall; faults of the surface, which no other thickness mends; folds; and where the wall is thin
 Solid: TypeAlias = tuple[Mesh, list[str], list[str], list[str]]
-FEW_CELLS, MANY_CELLS = 5_000, 20_000  # up to which there is time for eight tries, and from which on only for two
+FEW_CELLS, MANY_CELLS = 5_000, 20_000  # up to which there is time for eight tries, and from which on only for three
 
 
 @frozen
@@ -134,7 +134,7 @@ def _smaller(
     """Name a smaller value that makes a solid, near the largest that does, or say that none was found."""
     # The first are 95 % of what bends allow, if that is less, or 1/2, and 1/8, 1/64 and 1/1024; from one that is solid,
     # it is bisected upwards.
-    near, tries = 0.95, 8 if cells < FEW_CELLS else 5 if cells < MANY_CELLS else 2
+    near, tries = 0.95, 8 if cells < FEW_CELLS else 5 if cells < MANY_CELLS else 3
     low, high, tried = 0.0, min(abs(value), most), 0
     while (tried < tries and low < near * high) if low else tried < min(tries, 4):
         first = 0.95 if most < abs(value) and not tried else 1 / 2 ** (tried + 1)

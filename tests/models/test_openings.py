@@ -1,13 +1,12 @@
 """Why models are open, a line for each reason; and seams that are welded."""
 
 import re
+from collections.abc import Sequence
 
 import numpy as np
 import pytest
-from numpy.typing import ArrayLike
 from scipy.spatial.transform import Rotation
 
-from gtb_cli.arrays import grid_knots
 from gtb_cli.bezier.elevation import elevate
 from gtb_cli.errors import DomainError, RequirementError, ToleranceError
 from gtb_cli.models.model import Model
@@ -53,12 +52,10 @@ def test_a_pair_of_open_edges_has_a_line_that_says_what_differs(model, line):
         Recipe(weld=float(weld[1]), tolerance=float(weld[1]), require="one-piece").mesh(model)
 
 
-def panels(axis: str, count: int, height: float = 1.0, knots: ArrayLike = SQUARE[:4], turn: float = 60) -> list[Patch]:
+def panels(axis: str, count: int, height: float = 1.0, knots: Sequence[Sequence[float]] = SQUARE[:4]) -> list[Patch]:
     """Upright panels: a sixth of a ring around the z axis, and copies of it turned about an axis."""
-    points = [[2, 0, 0], [1, 3**0.5, 0], [1, 3**0.5, height], [2, 0, height], [1.5, 0.5, 0.5]]
-    if len(knots) == 6:  # of a grid of two rows
-        points = [[x, y, z] for z in (0, height) for x, y in ((2, 0), (1.8, 1), (1, 3**0.5))]
-    turned = [Rotation.from_euler(axis, turn * k, degrees=True).apply(points[: len(knots)]) for k in range(count)]
+    points = np.array([[2, 0, 0], [1, 3**0.5, 0], [1, 3**0.5, height], [2, 0, height], [1.5, 0.5, 0.5]])[: len(knots)]
+    turned = [Rotation.from_euler(axis, 60 * k, degrees=True).apply(points) for k in range(count)]
     return [Patch(knots, each, name=f"panel-{k}" if k else "panel") for k, each in enumerate(turned)]
 
 
@@ -66,21 +63,13 @@ def panels(axis: str, count: int, height: float = 1.0, knots: ArrayLike = SQUARE
     ("patches", "line"),
     [
         (panels("x", 6), "panel and 5 copies are not joined: turned about the z axis, they close a ring"),
-        (
-            panels("z", 6, turn=np.radians(60)),
-            "a turn of 60 degrees .360/6. about the z axis, not 1.047, closes the ring",
-        ),
-        (
-            panels("z", 6, knots=grid_knots(3, 2)),
-            "panel is open: with knots grid 2x3, not 3x2, 6 more edges are joined",
-        ),
         (panels("z", 7), "panel-6 lies where panel is: 5 copies close the ring"),
         ([*panels("z", 6), panels("z", 1, height=0)[0].replace(name="lip")], "all control points of lip are those"),
         (panels("z", 6, knots=[*SQUARE[:4], [-0.5, 0.5]]), "; with knot 4, now a corner, inside the hull"),
     ],
 )
 def test_mistakes_of_rings_are_named_where_mending_them_closes_the_ring(patches, line):
-    assert re.search(line, " ".join(seam_remarks(Model(patches))))
+    assert line in " ".join(seam_remarks(Model(patches)))
     with pytest.raises((DomainError, RequirementError), match=line):
         Recipe(4, thickness=0.1, require="solid").mesh(Model(patches))
     assert seam_remarks(Model(panels("z", 6))) == []

@@ -14,6 +14,7 @@ from gtb_cli.models.model import Model
 from gtb_cli.tessellation.doubtful_corners import doubtful_corners
 from gtb_cli.tessellation.recipe import Recipe
 from gtb_cli.tessellation.remarks import sharpest_bend
+from gtb_cli.tessellation.solid_making import _smaller
 from gtb_cli.theory.patch import Patch
 from tests.marks import long
 from tests.shell import PENTAGON, SPECS, gtb
@@ -143,13 +144,14 @@ def test_what_makes_no_sense_or_cannot_be_is_refused(options, message):
         Recipe(**options).mesh(load(SPECS / "pentagon.toml"))
 
 
-def test_an_edge_that_three_patches_share_is_not_confused_with_others():
-    """With -n 3 it has as many faces, so that a finer mesh does not help."""
-    corners = ([0, 0, 1], [0, 1, -1], [0, -1, -1])
-    fans = Model(tuple(Patch([[0, 0], [1, 0], [0, 1]], [[0, 0, 0], [1, 0, 0], corner]) for corner in corners))
-    assert len(fans.joints.crowded) == 1
-    for n in (1, 2):
-        assert Recipe(n).mesh(fans)[1] == []
+@pytest.mark.parametrize("most", [np.inf, 0.43])
+@pytest.mark.parametrize(("cells", "share"), [(100, 0.95), (10_000, 0.8), (100_000, 0.5)])
+def test_the_smaller_size_that_is_named_is_near_the_largest(cells, share, most):
+    tried = list[float]()
+    text = _smaller(-0.9, most, lambda size: tried.append(size) or size > -0.41, cells, "{:g}".format)
+    assert re.fullmatch(r"(\S+) was tried and is solid", text)
+    assert -0.41 < float(text.split()[0]) <= -0.41 * share
+    assert float(text.split()[0]) in tried
 
 
 @pytest.mark.parametrize(
