@@ -167,9 +167,10 @@ class _Reader:
         # Lists of parts, and pictures of what is compared
         plain = re.compile(r"\[Content_Types\]\.xml$|.*(\.rels|/)$|(?!3D/).*\.(png|jpe?g)$", re.IGNORECASE)
         self.others = "".join(f"{other} {digest}\n" for other, digest in digests.items() if not plain.match(other))
-        plain_ones = ("resources", "build", "mesh", "vertices", "triangles", "components", "metadata")
+        plain_ones = ("resources", "build", "mesh", "vertices", "triangles", "components")
         self.read = dict.fromkeys(plain_ones, self.plain) | {"vertex": self.vertex, "triangle": self.triangle}
         self.read |= {"model": self.model, "object": self.begun_object, "component": self.link, "item": self.link}
+        self.read["metadata"] = self.metadata
         self.read |= dict.fromkeys(("basematerials", "colorgroup"), self.list_of_materials)
         self.read |= dict.fromkeys(("base", "color"), self.member)
         parser = expat.ParserCreate()
@@ -271,7 +272,13 @@ class _Reader:
         self.note(f"{name} {len(self.items)}", given, *_KNOWN)
 
     def plain(self, name: str, given: dict[str, str]) -> None:
-        self.note(name, given, "xmlns", *["name", "type", "preserve"] * (name == "metadata"))
+        self.note(name, given, "xmlns")
+
+    def metadata(self, _: str, given: dict[str, str]) -> None:
+        unsaid = ("Title", "Application", "CreationDate", "ModificationDate")  # and what programs say for themselves
+        if (name := given.get("name", "")) not in unsaid and ":" not in name:
+            self.foreign = self.depth  # its text counts
+            self.note(name, {})
 
     def note(self, name: str, given: dict[str, str], *known: str) -> None:
         """Take attributes into account that no place here knows, whatever the prefixes and numbers of this file."""
