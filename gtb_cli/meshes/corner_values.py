@@ -119,8 +119,8 @@ def _beside_vertices(
                 expected = np.einsum("kc,kcw->kw", weights, there)
                 expected = unit(expected) if name == NORMALS else expected
                 allowed = _rounding(rows, others) + error[:, None] * np.ptp(there, axis=1)
-                apart = expected - here
-                expected = here + np.sign(apart) * np.maximum(np.abs(apart) - allowed, 0)
+                apart = expected - np.where(np.isnan(here), 0, here)
+                expected -= np.sign(apart) * np.minimum(np.abs(apart), allowed)
             vertex = meshes[k].cells.ravel()[corners]
             for remark in _unlike(name, here, expected, vertex, True):
                 told[name] = f"{remark} of the {which}, where the other has none"
@@ -133,7 +133,7 @@ def _rounding(rows: FloatArray, others: FloatArray) -> float:
         return 0.5
     values = np.concatenate([rows.ravel(), others.ravel()])
     values = values[np.isfinite(values)]
-    return next((0.1**k for k in (3, 4, 5, 6, 7) if np.allclose(values.round(k), values, rtol=1e-14, atol=0)), 0.0)
+    return next((0.1**k for k in (4, 5, 6, 7) if np.allclose(values.round(k), values, rtol=1e-14, atol=0)), 0.0)
 
 
 @np.errstate(all="ignore")  # of huge meshes
