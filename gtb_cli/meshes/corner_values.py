@@ -11,7 +11,9 @@ import numpy as np
 from gtb_cli.arrays import FloatArray, IntArray, cross, unit
 from gtb_cli.meshes.coincident import numbered_places
 from gtb_cli.meshes.correspondence import Slots, by_nearness, common_faces
+from gtb_cli.meshes.frame import Frame
 from gtb_cli.meshes.mesh import ABSENT, FACETS, GROUPS, NORMALS, OTHER, TEXTURE, KnownMesh, Mesh, Values, are_marks
+from gtb_cli.meshes.nearest import NearestCells, middles
 
 NORMALS_TOLERANCE = 0.01  # degrees: a thousand roundings of 32-bit numbers, and less than anybody sees
 VALUES_TOLERANCE = 1e-6  # of the largest value: ten roundings of 32-bit numbers; integers have none
@@ -20,14 +22,15 @@ Keys: TypeAlias = list[list[IntArray]]  # numbers of corners of both meshes, as 
 
 
 def unlike_values(
-    a: KnownMesh, b: KnownMesh, slots: Slots | float, left_out: Collection[str] = (), place: str = ""
+    a: KnownMesh, b: KnownMesh, slots: Slots | float, left_out: Collection[str] = (), place: str = "", one: bool = False
 ) -> tuple[tuple[str, ...], str]:
     """Tell which values differ at corners that belong together, if any do, and where most; normals of facets are none.
 
     What only one of the meshes has is told if both are files of one format: others cannot hold the same. Where faces
     are others (no slots, but how far places are apart), they are compared in faces that both meshes have, and else at
-    places of vertices that both have, which have to be half of those of one: what differs there begins with `place`.
-    Also tells where that was.
+    places of vertices that both have: what differs there begins with `place`. If both are `one` surface, what only one
+    has is compared with the faces of the other; else half of the places of one have to be common. Also tells where
+    values were compared.
     """
     doubtful = {*a.doubtful, *b.doubtful} if isinstance(slots, float) else set[str]()
     skipped = {FACETS, *left_out, *doubtful}
@@ -38,6 +41,10 @@ def unlike_values(
     if keys:
         many, is_there = int(keys[1][0].max()) + 1, np.bincount(keys[1][1]) > 0
         met, fewest = int(is_there[:many].sum()), min(many, int(is_there.sum()))
+        reach = slots if one and isinstance(slots, float) else -1.0
+        rest = None if reach < 0 else _beside_vertices((a.mesh, b.mesh), (here, there), keys[1], reach)
+        if rest is not None:
+            return remarks or (*rest,), f"vertices{nowhere}"
         where = where if met == fewest else f"{met} of {fewest} places"
         return remarks + (f"values were compared at {where}",) * (0 < 2 * met < fewest), where + nowhere
     if not remarks or isinstance(slots, float):
@@ -77,6 +84,56 @@ def _remarks(
         elif a.format == b.format or (name in on_request and on_request[name] >= {a.format, b.format}):
             remarks.append(f"{name}: only in the {'first' if name in here else 'second'}")
     return tuple(remarks)
+
+
+@np.errstate(all="ignore")  # of cells without extent
+def _beside_vertices(
+    meshes: tuple[Mesh, Mesh], held: tuple[Values, Values], places: list[IntArray], reach: float
+) -> list[str] | None:
+    """Compare values at vertices that only one mesh has with those in cells of the other; None if that takes too long.
+
+    Cells are looked for a little inside a corner's own one, as values may leap at its sides.
+    """
+    told, frame = dict[str, str](), Frame.around(*(mesh.used for mesh in meshes))
+    points, close = [frame.inside(mesh.vertices)[mesh.cells] for mesh in meshes], frame.length(reach, -1)
+    for k, which in ((0, "first"), (1, "second")):
+        corners, tree = np.flatnonzero(~np.isin(places[k], places[1 - k])), NearestCells(points[1 - k])
+        if len(corners) > tree.most_points:
+            return None
+        own, middle = points[k].reshape(-1, 3)[corners], middles(points[k][corners // points[k].shape[1]])
+        distances, cell = tree.nearest(own + 1e-3 * (middle - own)) if len(corners) else (own[:, 0], corners)
+        is_within = distances <= close
+        corners, own, cell = corners[is_within], own[is_within], cell[is_within]
+        spans = tree.corners[cell][:, 1:] - tree.corners[cell][:, :1]
+        inverse = np.linalg.pinv(spans @ spans.swapaxes(1, 2))
+        weights = np.einsum("kij,kjx,kx->ki", inverse, spans, own - tree.corners[cell][:, 0])
+        weights = np.column_stack([1 - weights.sum(axis=1), weights])
+        error = close * np.sqrt(np.abs(inverse).max(axis=(1, 2), initial=0.0))  # of weights
+        for name in sorted(held[0].keys() & held[1].keys() - told.keys()) if len(cell) else ():
+            (rows, of), (others, others_of) = held[k][name], held[1 - k][name]
+            if name.startswith(OTHER) or rows.shape[1] != others.shape[1]:
+                continue
+            here, there = rows[of.ravel()[corners]], others[others_of[cell]].astype(np.float64)
+            expected = there[np.arange(len(cell)), weights.argmax(axis=1)]
+            if not are_marks(name):
+                expected = np.einsum("kc,kcw->kw", weights, there)
+                expected = unit(expected) if name == NORMALS else expected
+                allowed = _rounding(rows, others) + error[:, None] * np.ptp(there, axis=1)
+                apart = expected - np.where(np.isnan(here), 0, here)
+                expected -= np.sign(apart) * np.minimum(np.abs(apart), allowed)
+            vertex = meshes[k].cells.ravel()[corners]
+            for remark in _unlike(name, here, expected, vertex, True):
+                told[name] = f"{remark} of the {which}, where the other has none"
+    return [*told.values()]
+
+
+def _rounding(rows: FloatArray, others: FloatArray) -> float:
+    """Return how far a mean of values may be off where all have few decimals."""
+    if all(each.dtype.kind == "i" or _are_whole(each) for each in (rows, others)):
+        return 0.5
+    values = np.concatenate([rows.ravel(), others.ravel()])
+    values = values[np.isfinite(values)]
+    return next((0.1**k for k in (4, 5, 6, 7) if np.allclose(values.round(k), values, rtol=1e-14, atol=0)), 0.0)
 
 
 @np.errstate(all="ignore")  # of huge meshes

@@ -221,7 +221,8 @@ def difference(
     is_told = "attributes" not in ignore and (found.distance <= allowed or lone is not None)
     values, where = (), "no place"
     if "attributes" not in ignore and kind != "surface":
-        values, where = unlike_values(moved if lone else a, b, close, place="" if is_told else "at the same places, ")
+        met = "" if is_told else "at the same places, "
+        values, where = unlike_values(moved if lone else a, b, close, place=met, one=found.distance <= allowed <= close)
     crowd = ("sides of faces that only one has are not compared, as too many long ones lie across each other",)
     limit = f"only compared at {where}, as the faces are others"
     limit = "not compared, as surfaces were asked for" if kind == "surface" else limit

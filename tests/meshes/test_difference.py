@@ -379,3 +379,14 @@ def test_among_crowded_faces_a_bounded_number_of_points_is_searched_for(monkeypa
     assert "as too many long ones lie across each other" in found.uncompared[-1]
     assert 0 < max(searched) <= 9
     assert wall_of_faces(CUBE) is None
+
+
+@pytest.mark.parametrize(("q", "same"), [(0.9, True), (0.901, False), (math.nan, False), (0.9001, True)])
+@pytest.mark.parametrize(("size", "place"), [(1, 0), (1e-9, 0), (1e9, 0), (1, 1e7)])
+def test_values_at_a_further_vertex_are_those_of_the_face_there(q, same, size, place):
+    """Up to rounding where all values have four decimals."""
+    corners, rest = np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0], [0.3, 0.3, 0]]), 0.1234
+    values = np.array([rest, 2 + rest, 3 + rest, 1 + rest, q + rest])
+    cells = [[0, 1, 2], [0, 2, 3]], [[0, 1, 4], [1, 2, 4], [2, 3, 4], [3, 0, 4]]
+    one, other = (known_exactly(Mesh(size * corners + place, faces, attributes={"q": values})) for faces in cells)
+    assert [difference(one, other).same, difference(other, one).same] == [same, same]
