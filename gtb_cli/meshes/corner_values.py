@@ -119,8 +119,8 @@ def _beside_vertices(
                 expected = np.einsum("kc,kcw->kw", weights, there)
                 expected = unit(expected) if name == NORMALS else expected
                 allowed = _rounding(rows, others) + error[:, None] * np.ptp(there, axis=1)
-                apart = expected - np.where(np.isnan(here), 0, here)
-                expected -= np.sign(apart) * np.minimum(np.abs(apart), allowed)
+                allowed += VALUES_TOLERANCE * np.abs(expected)
+                expected = np.where(np.abs(expected - here) <= allowed, here, expected)
             vertex = meshes[k].cells.ravel()[corners]
             for remark in _unlike(name, here, expected, vertex, True):
                 told[name] = f"{remark} of the {which}, where the other has none"
