@@ -264,8 +264,8 @@ def curvature_near(patch: Patch, corner: int) -> float:
 
     def curvatures(at: FloatArray) -> FloatArray:
         near = layer(at[0], np.maximum(at[1], 0))
-        reached = (near.distances >= closest) & (near.distances <= 1.002 * farthest)  # 0 elsewhere
-        return np.asarray(np.where(reached, np.nan_to_num(near.curvatures), 0.0).reshape(at.shape[1:]))
+        reached = (near.distances >= closest) & (near.distances <= 1.002 * farthest)  # 0 elsewhere, and beyond floats
+        return np.where(reached & np.isfinite(near.curvatures), near.curvatures, 0.0).reshape(at.shape[1:])
 
     for most in (1, 1, 1, 1, 0, 0):  # many a largest curvature is at the farthest distance, and none beyond counts
         top += np.minimum(np.nan_to_num(np.log(farthest / layer(ways, 0 * ways).distances) - 1e-6), most)

@@ -271,7 +271,7 @@ def _forms(knots: CornerKnots, sectors: Sequence[_Sector], unsure: FloatArray) -
     These are sums over sets of three knots: W_j W_k W_l det(b_j, b_k, b_l) times the minors of their exponents. Knots
     and sets are chosen that may count in a sector; points are known up to (n,) lengths.
     """
-    most, steps = 40, 6  # knots; and knots of a layer, from the corner on, that count along an edge
+    most, steps = 48, 6  # knots; and knots of a layer, from the corner on, that count along an edge
     late, ways = np.full(len(knots.x), np.inf), []
     for sector in sectors:
         for ray in sector.ends:

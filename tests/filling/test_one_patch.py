@@ -372,6 +372,21 @@ def test_equations_of_corners_hold_after_pulls(free):
     assert np.abs(equations.residuals(points)).max() < 1e-11
 
 
+def test_at_corners_of_high_degrees_curvature_is_known_to_be_bounded():
+    """Beside 43 knots that may count, as of edges of degree 13, those of the equations are not left out."""
+    steps, first = np.arange(14.0)[:, None], np.array([[1.0, 0], [0.61, 0.3], [0.28, 0.62], [0, 1]])
+    sums = [first[1] * 2, first[1] + first[2], first[2] * 2]
+    rows = [first[1] + steps[:-2] * first[0], first[2] + steps[:-2] * first[3]]
+    knots = np.concatenate([steps * first[0], steps[1:] * first[3], *rows, sums])
+    corners = np.array([[0, 1, 27, 39, 14, 28, 51, 52, 53, 40]])
+    points = np.column_stack([knots, np.random.default_rng(0).normal(size=len(knots))])
+    points[corners[0, :5], 2] = 0
+    equations = CornerForms.of(points, np.zeros(len(knots)), corners, np.array([True]))
+    points[51:, 2] -= np.linalg.pinv(equations.matrix(len(knots))[:, 51:]) @ equations.residuals(points)
+    found = corner_limits(Patch(knots, points), 0)
+    assert (found.curvature_exponent, found.curvature < 1e3) == (0, True)
+
+
 @pytest.mark.parametrize(
     ("scores", "figure", "taken"),
     [([9, 8, 7, 6, 5], [1] * 5, [3]), ([9, 8, 7, 6], [3, 2, 1, 1.1], [2]), ([9, 8.99], [1, 1], [])],
