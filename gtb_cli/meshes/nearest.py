@@ -79,7 +79,8 @@ class NearestCells:
         some = self.corners[:: len(self.corners) // 1000 + 1]
         low, high = some.min(axis=1), some.max(axis=1)
         places = (low + high)[:: len(some) // 50 + 1, None] / 2
-        return len(self.corners) * float(((low <= places) & (places <= high)).all(axis=2).mean())
+        within = ((low <= places) & (places <= high)).all(axis=2)
+        return 1 + len(self.corners) * (int(within.sum()) - len(within)) / within.size  # each is in its own
 
     @cached_property
     def most_points(self) -> int:

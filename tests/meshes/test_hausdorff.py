@@ -11,6 +11,7 @@ from gtb_cli.errors import DomainError
 from gtb_cli.meshes import hausdorff
 from gtb_cli.meshes.hausdorff import RELATIVE_ERROR, mesh_distance
 from gtb_cli.meshes.mesh import Mesh
+from gtb_cli.meshes.nearest import NearestCells
 from gtb_cli.tessellation.tessellate import tessellate
 from tests.marks import long, mostly_long
 from tests.shell import SPECS
@@ -174,3 +175,16 @@ def test_small_meshes_with_lines_of_farthest_points_take_few_cuts(monkeypatch):
     fans = (Mesh(np.roll(rim, k, axis=0), np.array([[0, i, i + 1] for i in range(1, 499)])) for k in (0, 160))
     assert mesh_distance(*fans, 1e-9).distance < 1e-9
     assert sum(cuts) < 50_000  # of slivers that lie on each other's boxes
+
+
+@long
+def test_of_many_cells_those_that_are_cut_are_measured():
+    one = surface(n := 300)
+    (a, b, c), d = one.cells[::2].T, one.cells[1::2, 2]  # squares, of which the other has the other diagonals
+    two = Mesh(one.vertices, np.concatenate([np.stack([a, b, d], axis=1), np.stack([b, c, d], axis=1)]))
+    assert mesh_distance(one, two).distance * n**2 == pytest.approx(3, rel=0.02)
+
+
+def test_cells_beside_each_other_are_no_crowd():
+    mesh = surface(150)
+    assert NearestCells(mesh.vertices[mesh.cells]).crowd < 20
