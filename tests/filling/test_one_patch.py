@@ -804,16 +804,10 @@ def mean_curvature(patch, p):
     return curvatures_at([patch], where, len(p)).mean[0]
 
 
-@pytest.fixture(scope="module")
-def box() -> Model:
-    found = load(SPECS / "box-corner.toml")
-    assert isinstance(found, Model)
-    return found
-
-
 @long
-def test_the_corner_of_a_box_is_what_fill_makes(box):
-    kept, rest = box.patches[0], Model(box.patches[1:])
+def test_the_corner_of_a_box_is_what_fill_makes():
+    kept, *others = load(SPECS / "box-corner.toml").patches
+    rest = Model(tuple(others))
     assert [len(ring.edges) for ring in model_rings(rest)] == [6, 6]
     filling = fill(rest, hole="rounding-x edge 0", raises=0)
     assert (filling.angle < PLANES, filling.folds, filling.patch.name) == (True, 0, "hole")
