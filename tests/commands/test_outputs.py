@@ -12,6 +12,7 @@ from gtb_cli.shell.faults import located
 from gtb_cli.shell.messages import annotation
 from tests.outputs import SCHEMAS, schema_of, validator
 from tests.shell import SPECS, gtb
+from tests.tables import cases
 
 
 @pytest.mark.parametrize("name", SCHEMAS)
@@ -37,26 +38,8 @@ def test_files_that_programs_read_are_as_their_schemas_say(tmp_path):
         validator(name).validate(json.loads((tmp_path / file).read_text()))
 
 
-@pytest.mark.parametrize(
-    ("text", "parts"),
-    [
-        ("x.toml: is empty", ("is empty", "x.toml")),
-        ("x.toml:3: weights[1]: must be positive", ("must be positive", "x.toml", 3, None, "weights[1]")),
-        ("x.toml:3:7: is not valid TOML: why", ("is not valid TOML: why", "x.toml", 3, 7)),
-        ("x.toml: patches[0]: knots: are flat", ("knots: are flat", "x.toml", None, None, "patches[0]")),
-        ("x.toml: line 3: vertices are counted", ("vertices are counted", "x.toml", 3)),
-        ("<stdin>:2: expected 3: got 4", ("expected 3: got 4", "<stdin>", 2)),
-        ("x.toml:3: b.toml: is empty", ("is empty", "x.toml:3: b.toml")),
-        ("x.toml:3:4: is empty", ("is empty", "x.toml", 3, 4)),
-        ("a: there.toml:9: is empty", ("is empty", "a: there.toml", 9)),
-        ("x.toml: STEP: the kernel cannot", ("STEP: the kernel cannot", "x.toml")),
-        ("no-file.toml:3: is empty", ("no-file.toml:3: is empty",)),
-        ("give one of them: this or that", ("give one of them: this or that",)),
-        ("internal error, please report it: KeyError: 3", ("internal error, please report it: KeyError: 3",)),
-        ("", ("",)),
-    ],
-)
-def test_parts_of_a_text(text, parts, tmp_path, monkeypatch):
+@pytest.mark.parametrize(("parts", "text"), [*cases("commands/parts", "parts"), ([""], "")])
+def test_parts_of_a_text(parts, text, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     Path("a: there.toml").touch()
     assert located(Fault(text), ["x.toml", "x.toml:3: b.toml", "y"]) == Fault(*parts)

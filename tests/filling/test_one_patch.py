@@ -45,6 +45,7 @@ from tests.outputs import check_json
 from tests.shell import SPECS, gtb
 from tests.specs import load
 from tests.surfaces import energy
+from tests.tables import cases
 
 HERE = Path(__file__).parent
 CUP = HERE / "cagd86.gbp"
@@ -740,22 +741,10 @@ def test_a_bspline_with_a_corner_or_far_from_any_curve_becomes_several():
 
 
 @pytest.mark.parametrize(
-    ("suffix", "text", "message"),
-    [
-        ("gbp", "", "x.gbp: is empty"),
-        ("gbp", "5 x", "x.gbp:1: expected the degree, a whole number from 3 to 20, got 'x'"),
-        ("gbp", "2 3", "x.gbp:1: expected the number of sides, a whole number from 3 to 100, got '2'"),
-        ("gbp", "3 2.5", "x.gbp:1: expected the degree, a whole number from 3 to 20, got '2.5'"),
-        ("gbp", "3 3\n0 0 0\n1 2", "x.gbp:3: expected the boundary, 27 numbers, and the file ends after 2"),
-        ("gbp", "3 3\n0 0 nan", "x.gbp:2: expected the centre, got 'nan', which is not a number up to 1e+100"),
-        ("lop", "1\n1\n4 0 0 1 0\n2 0 0 0 1 1 1", "x.lop:2: curve 0: knots: must ascend, got 1 before 0"),
-        ("lop", "1\n3\n8 0 0 0 0 1 1 1 1\n5", "x.lop:4: expected the number of points of curve 0, a whole number from"),
-        ("lop", "1\n1\n4 0 0 0 0\n2 0 0 0 1 1 1", "x.lop:2: curve 0: knots: all spans are empty"),
-        ("lop", "1\n1\n4 0 0 1 1\n2 0 0 0 1 1 1 7", "x.lop:4: expected the end of the file, got '7'"),
-        ("lop", "1" * 1_000_001, "x.lop: is too large"),
-    ],
+    ("loop", "message"), [*cases("filling/refused", "loops"), (("lop", "1" * 1_000_001), "x.lop: is too large")]
 )
-def test_bad_loops(suffix, text, message):
+def test_bad_loops(loop, message):
+    suffix, text = loop
     with pytest.raises(SpecError) as error:
         loop_from_text(text.encode(), f"x.{suffix}")
     assert str(error.value).startswith(message)
@@ -815,16 +804,10 @@ def mean_curvature(patch, p):
     return curvatures_at([patch], where, len(p)).mean[0]
 
 
-@pytest.fixture(scope="module")
-def box() -> Model:
-    found = load(SPECS / "box-corner.toml")
-    assert isinstance(found, Model)
-    return found
-
-
 @long
-def test_the_corner_of_a_box_is_what_fill_makes(box):
-    kept, rest = box.patches[0], Model(box.patches[1:])
+def test_the_corner_of_a_box_is_what_fill_makes():
+    kept, *others = load(SPECS / "box-corner.toml").patches
+    rest = Model(tuple(others))
     assert [len(ring.edges) for ring in model_rings(rest)] == [6, 6]
     filling = fill(rest, hole="rounding-x edge 0", raises=0)
     assert (filling.angle < PLANES, filling.folds, filling.patch.name) == (True, 0, "hole")

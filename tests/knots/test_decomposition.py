@@ -11,6 +11,7 @@ from hypothesis import given, strategies as st
 from gtb_cli.errors import DomainError
 from gtb_cli.knots.decomposition import control_net, lifting_of_knot, regular_decomposition
 from tests.marks import mostly_long
+from tests.tables import cases
 
 # Knots Ã of Examples 4.1 and 4.4, and the lifting of mathematics.md section 7.
 PENTAGON = np.array([[0, 2], [1, 2], [0, 6 / 5], [8 / 7, 8 / 7], [2, 1], [0, 0], [6 / 5, 0], [2, 0]])
@@ -264,27 +265,10 @@ def test_lifting_of_a_knot_that_is_not_there(k):
         lifting_of_knot(8, k)
 
 
-@pytest.mark.parametrize(
-    ("knots", "lifting", "message"),
-    [
-        ([[0, 0], [1, 1], [2, 2], [0.1, 0.1]], [0, 1, 0, 0], "one line"),
-        ([[0, 0], [0.1, 0.3], [0.2, 0.6], [0.3, 0.9]], [0, 1, 0, 0], "one line"),
-        ([[0, 0], [1, 0], [0, 0], [1, 0]], [0, 1, 2, 3], "one line"),
-        ([1, 1 + 1e-15, 1], [0, 1, 2], "two different knots, all are 1 to rounding"),
-        ([[0, 0], [1, 0]], [0, 1], "one line"),
-        ([0.5], [1], "n > 1"),
-        ([], [], "n > 1"),
-        (CURVE, [0, 1, 2], "expected 5, one for each knot, got 3"),
-        (CURVE, [[0, 1, 2, 3, 4]], r"expected 5, one for each knot, got shape \(1, 5\)"),
-        (CURVE, [0, 1, np.inf, 1, 0], r"lifting\[2\]: must be finite"),
-        ([0, np.nan, 1], [0, 0, 0], r"knots\[1\]\[?.*must be finite"),
-        (np.zeros((4, 3)), [0, 0, 0, 0], r"\(n, 1\) or \(n, 2\)"),
-        ([0, 1e-9, 1], [0, 1e308, 0], r"lifting: values beyond 1e\+100 are not supported, got 1e\+308"),
-    ],
-)
-def test_refused_input(knots, lifting, message):
+@pytest.mark.parametrize(("arguments", "message"), cases("knots/refused", "decomposition"))
+def test_refused_input(arguments, message):
     with pytest.raises(DomainError, match=message):
-        regular_decomposition(knots, lifting)
+        regular_decomposition(*arguments)
 
 
 def test_neighbours_of_a_border_agree_on_its_corners():

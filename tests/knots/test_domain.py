@@ -15,6 +15,7 @@ from gtb_cli.knots.face import INTERIOR
 from gtb_cli.knots.hull import convex_hull
 from gtb_cli.theory.patch import Patch
 from tests.patches import NAMES, SHIFT, any_patch, named, regular
+from tests.tables import cases
 
 EPS = float(np.finfo(np.float64).eps)
 
@@ -200,31 +201,7 @@ def test_normals_point_inwards_and_heights_are_edge_functions(name):
     assert np.abs(found - expected).max(initial=0) <= tolerance
 
 
-@pytest.mark.parametrize(
-    ("arguments", "message"),
-    [
-        (([[0, 0], [1, 0], [0, 1.5]], "primitive"), r"edge_normals: primitive needs integer .* got \(0.0, 1.5\)"),
-        ((SQUARE, "round"), "edge_normals: expected auto, unit or primitive, got 'round'"),
-        ((SQUARE, "auto", [1, 2]), r"edge_scale: must be one number or 4, one for each edge, got 2"),
-        ((SQUARE, "auto", [[1], [2], [3], [4]]), r"edge_scale: must be one number or 4"),
-        ((SQUARE, "auto", 0), "edge_scale: must be positive, got 0"),
-        ((SQUARE, "auto", [1, 1, -2, 1]), r"edge_scale\[2\]: must be positive, got -2"),
-        ((SQUARE, "auto", math.nan), "edge_scale: must be finite, got nan"),
-        ((SQUARE, "auto", 1e200), "edge_scale: expected factors between 1e-100 and 1e"),
-        (([0, 1], "auto", [1, 2, 3]), "edge_scale: must be one number or 2"),
-        (([2, 2, 2],), "knots: a curve needs two different knots, all are 2"),
-        (([],), "knots: expected shape"),
-        (([1],), "knots: expected shape"),
-        ((3.0,), "knots: expected shape"),
-        (([[0, 0, 0], [1, 0, 0]],), r"knots: expected shape .* got \(2, 3\)"),
-        (([[[0, 0]]],), "knots: expected shape"),
-        (([0, math.nan],), r"knots\[1\]: must be finite, got nan"),
-        (([[0, 0], [1, math.inf], [0, 1]],), r"knots\[1\]\[1\]: must be finite, got inf"),
-        (([[0, 0], [1], [0, 1]],), "knots: not a regular array of numbers"),
-        (([[0, 0], [1e200, 0], [0, 1]],), "knots: coordinates beyond 1e.100 are not supported, got 1e.200"),
-        (([0, 1e-200],), "knots: a hull smaller than 1e-100 is not supported, got 1e-200"),
-    ],
-)  # fmt: skip
+@pytest.mark.parametrize(("arguments", "message"), cases("knots/refused", "domain"))
 def test_what_is_not_a_domain_is_refused(arguments, message):
     with pytest.raises(DomainError, match=f"^{message}"):
         domain(*arguments)
@@ -305,19 +282,7 @@ def test_slanted_edges_are_snapped_within_four_ulp_only():
         shape.edge_functions([on_edge - 1e-12 * inward])
 
 
-@pytest.mark.parametrize(
-    ("u", "message"),
-    [
-        ([[1, 1], [5, 1]], r"parameters\[1\]: \(5.0, 1.0\) is outside the domain, by up to 1"),
-        ([[1, 1], [1, 1], [math.nan, 1]], r"parameters\[2\]: must be finite, got \(nan, 1.0\)"),
-        ([[math.inf, 1]], r"parameters\[0\]: must be finite, got \(inf, 1.0\)"),
-        ([[-math.inf, math.inf]], r"parameters\[0\]: must be finite, got \(-inf, inf\)"),
-        ([[1e300, -1e300]], r"parameters\[0\]: .* is outside the domain"),
-        ([1.0, 1.0, 1.0], r"parameters: expected shape \(…, 2\), as those of a surface, got \(3,\)"),
-        ([[1.0, 1.0, 1.0]], r"parameters: expected shape \(…, 2\), as those of a surface, got \(1, 3\)"),
-        ([["a", "b"]], "parameters: not a regular array of numbers"),
-    ],
-)
+@pytest.mark.parametrize(("u", "message"), cases("knots/refused", "parameters"))
 @pytest.mark.parametrize("knots", [SQUARE, [[0, 0], [3, -1], [4, 3], [-1, 4]]])
 def test_parameters_outside_are_refused(knots, u, message):
     with pytest.raises(DomainError, match=message):

@@ -12,6 +12,7 @@ from gtb_cli.errors import DomainError
 from gtb_cli.importers.trp import edge_coefficients
 from gtb_cli.knots.domain import domain, layers
 from gtb_cli.knots.lattice import MAX_BINOMIAL_DEGREE, binomial_coefficients
+from tests.tables import cases
 
 ROUNDING = 1e-14
 """Relative: the coefficients are rounded once."""
@@ -88,21 +89,7 @@ def test_largest_degree() -> None:
         binomial_coefficients(domain(np.arange(MAX_BINOMIAL_DEGREE + 2.0)))
 
 
-@pytest.mark.parametrize(
-    ("knots", "message"),
-    [
-        ([0, 1, 2.001], r"equally spaced knots, knots\[1\] is off"),
-        ([0, 0, 1, 2], r"each lattice knot once: knots\[1\] repeats knots\[0\]"),
-        ([0, 1, 1, 3], "each of 4 lattice knots once"),
-        ([[0, 0], [3, 0], [0, 3], [1, 1]], "equally spaced"),
-        ([[0, 0], [1, 0], [2, 0], [0, 1], [0, 2], [0.9, 1.1]], r"knots\[5\] is off"),
-        ([[0, 0], [1, 0], [2, 0], [0, 1], [0, 2], [0, 1]], r"once: knots\[5\] repeats knots\[3\]"),
-        ([[0, 0], [1, 0], [1, 1], [0, 1], [0.5, 0.5]], r"equally spaced knots, knots\[4\] is off"),
-        ([[0, 0], [2, 0], [2, 2], [0, 2], [1, 0]], "each of 6 lattice knots once, got 5"),
-        ([[0, 0], [3, 0], [2, 1], [0, 1], [1.1, 0]], "along each edge, those of edge 0 are at 0 0.3667 1 of it"),
-        ([[0, 0], [2, 0], [3, 1], [1, 2], [0, 1], [0, 1]], "along each edge, those of edge 3 are at 0 1 1 of it"),
-    ],
-)
+@pytest.mark.parametrize(("knots", "message"), cases("knots/refused", "lattice"))
 def test_other_knots_are_refused(knots: list, message: str) -> None:
     with pytest.raises(DomainError, match=f"coefficients: binomial needs .*({message})"):
         binomial_coefficients(domain(knots))

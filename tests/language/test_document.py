@@ -12,6 +12,7 @@ from gtb_cli.language.document import MAX_BYTES, MAX_LINES, read
 from gtb_cli.language.scanner import MAX_NESTING, MAX_WORD_LENGTH, MAX_WORDS, Path
 from tests.marks import mostly_long
 from tests.specs import quickly
+from tests.tables import cases
 
 
 def written(data: dict[str, object], seed: int, toml: bool) -> tuple[str, dict[Path, int]]:
@@ -139,19 +140,12 @@ def test_lines_in_patches_and_dotted_keys() -> None:
     "kn\\u006fts" = [[0,
         1]]
     """
-    expected: dict[Path, int] = {
-        ("patches",): 2,
-        ("patches", 0, "knots"): 3,
-        ("patches", 0, "knots", 0): 4,
-        ("patches", 0, "knots", 1): 5,
-        ("patches", 0, "a"): 7,
-        ("patches", 0, "a", "b", "c"): 7,
-        ("patches", 0, "sub"): 8,
-        ("patches", 0, "sub", "x"): 9,
-        ("patches", 1): 10,
-        ("patches", 1, "knots", 0, 0): 11,
-        ("patches", 1, "knots", 0, 1): 12,
-    }
+    inner: list[dict[Path, int]] = [
+        {(): 2, ("knots",): 3, ("knots", 0): 4, ("knots", 1): 5, ("a",): 7, ("a", "b", "c"): 7, ("sub", "x"): 9},
+        {(): 10, ("knots", 0, 0): 11, ("knots", 0, 1): 12},
+    ]
+    expected: dict[Path, int] = {("patches", k, *path): n for k, lines in enumerate(inner) for path, n in lines.items()}
+    expected |= {("patches",): 2, ("patches", 0, "sub"): 8}
     assert read(text, "x").lines(set(expected)) == expected
 
 
@@ -163,42 +157,20 @@ def test_what_is_not_there_has_the_line_of_what_is_around_it() -> None:
 
 LARGE_BYTES = 2_000_000  # size of a text that would take hours if the work grew with its square
 
-HOSTILE = {
-    "brackets": "a = " + "[" * (LARGE_BYTES - 4),
-    "closing brackets": "]" * LARGE_BYTES,
-    "objects": '{"a":' * (LARGE_BYTES // 5),
-    "quotes": '"' * LARGE_BYTES,
-    "spaced quotes": '" ' * (LARGE_BYTES // 2),
-    "apostrophes": "'" * LARGE_BYTES,
-    "escaped quotes": 'a = "' + '\\"' * (LARGE_BYTES // 2 - 4),
-    "open long string": 'a = """' + 'x"' * (LARGE_BYTES // 2 - 4),
-    "dotted key": "a." * (LARGE_BYTES // 2 - 2) + "a=1",
-    "spaced dotted key": "a . " * (LARGE_BYTES // 4 - 2) + "a=1",
-    "quoted dotted key": '"a".' * (LARGE_BYTES // 4 - 2) + "a=1",
-    "header": "[" + "a." * (LARGE_BYTES // 2 - 2) + "a]",
-    "headers": "[[a]]\n" * (LARGE_BYTES // 6),
-    "dotted headers": "[a.b.c.d]\n" * (LARGE_BYTES // 10),
-    "commas": "a = [" + "," * (LARGE_BYTES - 5),
-    "digits": "a = " + "9" * (LARGE_BYTES - 4),
-    "integers": "a = [" + "1," * (LARGE_BYTES // 2 - 3) + "]",
-    "blanks": " " * LARGE_BYTES,
-    "blanks before an error": "a = 1" + " " * (LARGE_BYTES - 6) + "b",
-    "lines": "#\n" * (LARGE_BYTES // 2),
-    "null bytes": "\0" * LARGE_BYTES,
-    "carriage returns": "\r" * LARGE_BYTES,
-    "JSON brackets": "{" + "[" * (LARGE_BYTES - 1),
-    "JSON quotes": "{" + '"' * (LARGE_BYTES - 1),
-    "JSON commas": "{" + "," * (LARGE_BYTES - 1),
-    "JSON keys": "{" + '"a":1,' * (LARGE_BYTES // 6 - 1) + '"a":1}',
-    "too long": "#" * (MAX_BYTES + 1),
-}
 
-
-@pytest.mark.parametrize("text", HOSTILE.values(), ids=HOSTILE.keys())
-def test_hostile_texts_are_refused_quickly(text: str, monkeypatch: pytest.MonkeyPatch) -> None:
+@pytest.mark.parametrize(
+    ("parts", "size"),
+    [
+        *(pytest.param(parts, LARGE_BYTES, id=name) for parts, name in cases("language/hostile", "texts")),
+        pytest.param(("", "#", ""), MAX_BYTES + 1, id="too long"),
+    ],
+)
+def test_hostile_texts_are_refused_quickly(parts: list[str], size: int, monkeypatch: pytest.MonkeyPatch) -> None:
     """With a tenth of the words and numbers that are allowed, which takes a tenth of the time."""
     monkeypatch.setattr(scanner, "MAX_WORDS", MAX_WORDS // 10)
     monkeypatch.setattr(scanner, "MAX_NUMBERS", scanner.MAX_NUMBERS // 10)
+    start, again, end = parts
+    text = start + again * ((size - len(start + end)) // len(again)) + end
     with quickly(), pytest.raises(SpecError, match=r"\Ax(:\d+)*: .*\Z"):
         read(text.encode(), "x")
 

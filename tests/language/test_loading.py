@@ -92,13 +92,8 @@ def test_json_says_the_same() -> None:
 @pytest.mark.parametrize(
     ("source", "name"),
     [
-        ("shell.toml", "shell"),
-        ("a/b/shell.v2.json", "shell.v2"),
-        ("shell", "shell"),
-        ("-", None),
-        ("<stdin>", None),
-        ("a\nb.toml", None),
-        ("x" * 300 + ".toml", None),
+        *(("shell.toml", "shell"), ("a/b/shell.v2.json", "shell.v2"), ("shell", "shell")),
+        *((source, None) for source in ("-", "<stdin>", "a\nb.toml", "x" * 300 + ".toml")),
     ],
 )
 @pytest.mark.parametrize("text", [ARC, f"[[patches]]\n{ARC}"])

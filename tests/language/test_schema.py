@@ -19,6 +19,7 @@ from gtb_cli.theory.basis import COEFFICIENTS
 from gtb_cli.vocabulary import TEMPLATES
 from tests.shell import SPECS, gtb
 from tests.specs import BAD_SPECS, GOOD_SPECS, Case, bad_specs
+from tests.tables import cases
 
 STRUCTURAL, OTHER = ([case for case in bad_specs() if case.kind == kind] for kind in ("schema", "beyond schema"))
 VALIDATOR = jsonschema.Draft202012Validator(schema())
@@ -61,19 +62,8 @@ def test_a_misspelled_key_is_the_only_fault() -> None:
         assert patch.keys() - shown["properties"].keys() == {"weihgts"}
 
 
-@pytest.mark.parametrize(
-    ("key", "spec"),
-    [
-        ("weld", {"weld": 1}),
-        ("copy", {"copy": ["a"]}),
-        ("let", {"let": {"R": 1}, "patches": [{"let": {}}]}),
-        ("knots", {"patches": [{}], "knots": [0, 1]}),
-        ("weld", {"patches": [{"weld": 1}]}),
-        ("mirror", {"patches": [{"mirror": "x"}]}),
-        ("knots", {"patches": [{"copy": "a", "knots": [0, 1]}]}),
-    ],
-)
-def test_keys_belong_to_patches_models_or_copies(key: str, spec: dict[str, Any]) -> None:
+@pytest.mark.parametrize(("spec", "key"), cases("language/keys", "keys"))
+def test_keys_belong_to_patches_models_or_copies(spec: dict[str, Any], key: str) -> None:
     curve = {"knots": [0, 1], "control_points": [[0, 0], [1, 1]]}
     tables = [table if "copy" in table else table | curve for table in spec.get("patches", ())]
     whole = spec | {"patches": tables} if tables else spec | curve

@@ -23,6 +23,7 @@ from tests.laws import linear_points
 from tests.marks import mostly_long
 from tests.patches import bicubic, bumps, irrational_curve
 from tests.specs import spec
+from tests.tables import cases
 
 EXACT = 4e-15  # error of numbers of size 1 after a few operations
 
@@ -225,25 +226,11 @@ def test_weights_whose_products_overflow_merge():
     np.testing.assert_allclose(found.weights, [1, 4e200, 1], rtol=1e-12)
 
 
-@pytest.mark.parametrize(
-    ("moves", "message"),
-    [
-        ({}, "at least one knot"),
-        ({9: 1}, "knot indices from 0 to 7, got 9"),
-        ({3: -1}, "knot indices from 0 to 7, got -1"),
-        ({3: True}, "knot indices"),
-        ({3: 1.0}, "knot indices"),
-        ({3: 3}, "3 -> 3 is a cycle"),
-        ({2: 3, 3: 6, 6: 2}, "2 -> 3 -> 6 -> 2 is a cycle"),
-        ({0: 2, 2: 3, 3: 2}, "is a cycle"),
-        ({1: 3}, r"knot 1 -> 3 changes the hull: no other knot stays at its corner \(1, 2\)"),
-        ({3: 1, 1: 0}, r"knot 1 -> 0 changes the hull"),
-    ],
-)
+@pytest.mark.parametrize(("moves", "message"), cases("limits/refused", "moves"))
 def test_bad_moves(moves, message):
     for refused in (merge_knots, knot_limit, lambda patch, moves: move_knots(patch, moves, 0.5)):
         with pytest.raises(DomainError, match=message):
-            refused(spec("example-4.2"), moves)
+            refused(spec("example-4.2"), dict(moves))
 
 
 def test_an_end_with_two_knots_spares_one():
