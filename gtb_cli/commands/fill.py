@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 import click
@@ -22,7 +21,6 @@ if TYPE_CHECKING:
     from gtb_cli.cad.cad_seams import Seams
     from gtb_cli.fairing.variation import Bending
     from gtb_cli.filling.certificate import Filling
-    from gtb_cli.filling.holes import Ring
 
 
 def _kinds(values: tuple[str, ...]) -> dict[str, str]:
@@ -89,6 +87,7 @@ def fill(
     """
     from gtb_cli.filling.fill import filled, filled_in_some_way, holes_of
     from gtb_cli.filling.hole_files import read_loop
+    from gtb_cli.filling.holes import ring_texts
     from gtb_cli.filling.part_holes import Part
     from gtb_cli.language.writer import check_target
     from gtb_cli.models.model import Model
@@ -102,7 +101,11 @@ def fill(
     found, named = read_loop(data, source, streams.reading, weld)
     if holes:
         with about(source):
-            return _list_holes(holes_of(found), as_json, streams)
+            rings = holes_of(found)
+            if not as_json:
+                return streams.write("".join(f"{text}\n" for text in ring_texts(rings)))
+            listed = [{"edges": ring.names, "near": ring.corners.mean(axis=0).tolist()} for ring in rings]
+            return write_json(streams.output, {"holes": listed})
     # What is written meets curvature, where no patch does
     bends = isinstance(found, Part) and kind is not None and asked["continuity"] == {"": "g2"}
     options = {name: asked[name] for name in ("inner", "raises", "g2_tolerance")}
@@ -126,16 +129,6 @@ def fill(
     _report(filling, streams.console, asked["is_long"], written=not bends)
     if kind is not None:
         streams.console.report(streams.output, size, warnings)
-
-
-def _list_holes(rings: Sequence[Ring], as_json: bool, streams: Streams) -> None:
-    from gtb_cli.filling.holes import ring_texts
-
-    if as_json:
-        data = [{"edges": ring.names, "near": ring.corners.mean(axis=0).tolist()} for ring in rings]
-        write_json(streams.output, {"holes": data})
-    else:
-        streams.write("".join(f"{text}\n" for text in ring_texts(rings)))
 
 
 def _cad_file(
