@@ -207,6 +207,8 @@ def _bending(bending: Bending, error: float) -> dict[str, float]:
 
 def _report(filling: Filling, console: Console, is_long: bool, *, written: bool) -> None:
     """Say all that was measured or, in up to three lines, what was done differently, what is doubtful, and the size."""
+    from gtb_cli.fairing.fair import agreed_text
+
     plain = [remark for remark in filling.remarks if not remark.startswith("degrees of")][:1]
     for remark in filling.remarks if is_long else plain:
         console.note(remark)
@@ -222,7 +224,11 @@ def _report(filling: Filling, console: Console, is_long: bool, *, written: bool)
         _report_sides(filling, console)
         _report_corners(filling, console)
         console.note(size)
-        _report_bending(filling, console)
+        measured = zip((filling.bending, filling.bending_nearer), filling.bending_errors, strict=True)
+        for what, (bending, errors) in zip(("hundredth", "thousandth"), measured, strict=True):
+            bent, varied = map(agreed_text, (bending.energy, bending.variation), errors.tolist())
+            largest = f"largest curvature {bending.curvature:.2g}"
+            console.note(f"to a {what} of the way from the edges: bending {bent}, variation {varied}, {largest}")
     else:
         bend = max((each.bend for each in filling.contacts if not math.isnan(each.bend_inside)), default=0.0)
         more = f", curvatures across sides differ by up to {bend:.2g}" if bend else ""
@@ -240,16 +246,6 @@ def _report_sides(filling: Filling, console: Console) -> None:
         if not math.isnan(contact.bend_inside):
             text += f", at 1% of its length inside by {contact.bend_inside:.2g}"
         console.note(text)
-
-
-def _report_bending(filling: Filling, console: Console) -> None:
-    from gtb_cli.fairing.fair import agreed_text
-
-    measured = zip((filling.bending, filling.bending_nearer), filling.bending_errors, strict=True)
-    for what, (bending, errors) in zip(("hundredth", "thousandth"), measured, strict=True):
-        bent, varied = map(agreed_text, (bending.energy, bending.variation), errors.tolist())
-        largest = f"largest curvature {bending.curvature:.2g}"
-        console.note(f"to a {what} of the way from the edges: bending {bent}, variation {varied}, {largest}")
 
 
 def _report_corners(filling: Filling, console: Console) -> None:
