@@ -221,7 +221,17 @@ def _report(filling: Filling, console: Console, is_long: bool, *, written: bool)
     angle = "" if math.isnan(filling.angle) else f", largest angle to the given planes {filling.angle:.2g} degrees"
     size = f"{sides} sides, {knots} knots, no folds at corners and some thousand places{angle}"
     if is_long:
-        _report_sides(filling, console)
+        for side, contact in zip(filling.sides, filling.contacts, strict=True):
+            if math.isnan(contact.angle):
+                continue
+            text = (
+                f"{side.name}: angle to its planes up to {contact.angle:.2g} degrees near {filling.at(contact.place)}"
+            )
+            if not math.isnan(contact.bend):
+                text += f", curvatures across differ by up to {contact.bend:.2g} near {filling.at(contact.bend_place)}"
+            if not math.isnan(contact.bend_inside):
+                text += f", at 1% of its length inside by {contact.bend_inside:.2g}"
+            console.note(text)
         _report_corners(filling, console)
         console.note(size)
         measured = zip((filling.bending, filling.bending_nearer), filling.bending_errors, strict=True)
@@ -233,19 +243,6 @@ def _report(filling: Filling, console: Console, is_long: bool, *, written: bool)
         bend = max((each.bend for each in filling.contacts if not math.isnan(each.bend_inside)), default=0.0)
         more = f", curvatures across sides differ by up to {bend:.2g}" if bend else ""
         console.note(f"{size}{more}; --long says more")
-
-
-def _report_sides(filling: Filling, console: Console) -> None:
-    """Say what was measured along each side that has tangent planes."""
-    for side, contact in zip(filling.sides, filling.contacts, strict=True):
-        if math.isnan(contact.angle):
-            continue
-        text = f"{side.name}: angle to its planes up to {contact.angle:.2g} degrees near {filling.at(contact.place)}"
-        if not math.isnan(contact.bend):
-            text += f", curvatures across differ by up to {contact.bend:.2g} near {filling.at(contact.bend_place)}"
-        if not math.isnan(contact.bend_inside):
-            text += f", at 1% of its length inside by {contact.bend_inside:.2g}"
-        console.note(text)
 
 
 def _report_corners(filling: Filling, console: Console) -> None:

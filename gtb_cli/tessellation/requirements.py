@@ -46,8 +46,12 @@ def require(
             if len(causes) > max(3, leaks):
                 causes = [*causes[: max(2, leaks)], causes[-1]]
             lines += [f"not {word}: {line}" for line in causes]
-    if "one-piece" in asked and (pieces := _pieces(spec, mesh)):
-        seams = unjoined_seams(spec) if isinstance(spec, Model) and not lines else []
+    if "one-piece" in asked:
+        measures = measure(mesh)
+        pieces = _loose_parts(spec) if isinstance(spec, Model) else []  # which may touch at vertices
+        if (count := measures.components - (measures.inward_parts or 0)) > 1:  # cavities are not pieces
+            pieces = [f"{count} pieces", *pieces]
+        seams = unjoined_seams(spec) if pieces and isinstance(spec, Model) and not lines else []
         lines += [f"not one-piece: {line}" for line in (*seams, *pieces)]
     if "unfolded" in asked:
         turns = places_of_folds(spec, surface) or _folded_patches(spec)
@@ -83,14 +87,6 @@ def _folded_patches(spec: Patch | Model) -> list[str]:
             name = patch_name(patch, number) if isinstance(spec, Model) else patch.name or "patch"
             lines.append(f"{name} turns back on itself, near {point_text(place, patch.control_points)}")
     return lines
-
-
-def _pieces(spec: Patch | Model, mesh: Mesh) -> list[str]:
-    """Say in how many pieces a mesh is, if it is not one, and which parts of a model are loose; cavities are none."""
-    measures = measure(mesh)
-    loose = _loose_parts(spec) if isinstance(spec, Model) else []  # which may touch at vertices
-    count = measures.components - (measures.inward_parts or 0)
-    return [f"{count} pieces", *loose] if count > 1 else loose
 
 
 def _loose_parts(model: Model) -> list[str]:
