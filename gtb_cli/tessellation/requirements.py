@@ -56,8 +56,11 @@ def require(
     if "unfolded" in asked:
         turns = places_of_folds(spec, surface) or _folded_patches(spec)
         lines += [f"not unfolded: {line}" for line in dict.fromkeys((*turns, *folds))]
-    if "smooth" in asked:
-        lines += _creases(spec, asked["smooth"])
+    if isinstance(spec, Model) and (angle := asked.get("smooth")) is not None:
+        points = np.concatenate([patch.control_points for patch in spec])
+        sharp = [(f"meet at {seam.angle:.3g} degrees", seam) for seam in spec.seams if not seam.angle <= angle]
+        told = [(meet, f"{seam.name(spec)} {meet}, near {point_text(seam.place, points)}") for meet, seam in sharp]
+        lines += [f"not smooth: {line}" for line in one_of_alike(told)]
     if lines:
         raise RequirementError(*lines)
 
@@ -98,16 +101,6 @@ def _loose_parts(model: Model) -> list[str]:
     sizes, most = sorted(zip(firsts.tolist(), counts.tolist(), strict=True)), 8
     names = [patch_name(patches[k], k) + f" and {count - 1} more" * (count > 1) for k, count in sizes[:most]]
     return [f"{len(counts)} parts share no edge: {'; '.join(names)}{'; ...' * (len(counts) > most)}"]
-
-
-def _creases(spec: Patch | Model, angle: float) -> list[str]:
-    """Say which seams have an angle larger than the given one."""
-    if not isinstance(spec, Model):
-        return []
-    points = np.concatenate([patch.control_points for patch in spec])
-    sharp = [(f"meet at {seam.angle:.3g} degrees", seam) for seam in spec.seams if not seam.angle <= angle]
-    lines = [(meet, f"{seam.name(spec)} {meet}, near {point_text(seam.place, points)}") for meet, seam in sharp]
-    return [f"not smooth: {line}" for line in one_of_alike(lines)]
 
 
 def _open_edges(spec: Patch | Model, mesh: Mesh) -> list[str]:
