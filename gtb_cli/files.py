@@ -262,10 +262,9 @@ def _temporary_name(target: str) -> str:
 
 def _stage(temporary: str, target: str, blocks: Iterable[bytes]) -> None:
     """Write `blocks` to the new file `temporary`, with the mode and owner that `target` has or would get."""
-    try:
+    old: os.stat_result | None = None
+    with suppress(FileNotFoundError):
         old = os.stat(target)
-    except FileNotFoundError:
-        old = None
     flags = os.O_WRONLY | os.O_CREAT | os.O_EXCL | getattr(os, "O_BINARY", 0)
     begin(temporary)
     with open(os.open(temporary, flags, 0o666 if old is None else 0o600), "wb") as file:

@@ -17,10 +17,10 @@ def suffix_of(name: str) -> str:
 def percentage(text: str) -> float:
     """Read a positive percentage, or raise a `DomainError`."""
     number = text.strip().removesuffix("%")
-    try:
-        value = math.nan if number == text.strip() or "_" in text or not text.isascii() else float(number)
-    except ValueError:
-        value = math.nan
+    value = math.nan
+    if number != text.strip() and "_" not in text and text.isascii():
+        with suppress(ValueError):
+            value = float(number)
     if not 0 < value < math.inf:
         raise DomainError(f"tolerance: expected a positive number or percentage, such as 0.01 or '1%', got {text!r}")
     return value

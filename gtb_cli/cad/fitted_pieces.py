@@ -2,7 +2,6 @@
 
 import numpy as np
 
-from gtb_cli.arrays import FloatArray
 from gtb_cli.cad import spline_pieces
 from gtb_cli.cad.spline_pieces import (
     EDGES,
@@ -46,7 +45,14 @@ def fitted_pieces(patch: Patch, name: str, spans: int, halves: Halves, borders: 
     edges, before, seams = ((rim - origin) / size for rim in rims)
     rows_of = zip(quarters, edges, before, strict=True)
     nets = [spline_pieces.framed(quarter, (splines, splines), enumerate(pair)) for quarter, *pair in rows_of]
-    _add_seams(nets, splines, seams, ways)
+    for k, net in enumerate(nets):  # seams begin and end in tangent planes
+        seam = splines.curve(np.hstack([seams[k], np.ones((len(net), 1))]))
+        seam[0] = net[-1, 0]
+        seam[-1, :3] = seams[0, -1]
+        for pole, end, normal in ((1, 0, ways[k, 0]), (-2, -1, ways[k, 1])):
+            if np.isfinite(normal).all():
+                seam[pole, :3] -= normal * (normal @ (seam[pole, :3] - seam[end, :3]))
+        net[-1] = nets[(k + 1) % len(nets)][:, -1] = seam
     least = np.cos(np.radians(10))  # if normals turn farther within the first pole, B-splines cannot follow their limit
     followed = [(near * last).sum(axis=2) > least for near, last in zip(planes[::2], planes[1::2], strict=True)]
     given = [np.where(kept[..., None], last, np.nan) for kept, last in zip(followed, planes[1::2], strict=True)]
@@ -60,15 +66,3 @@ def fitted_pieces(patch: Patch, name: str, spans: int, halves: Halves, borders: 
     surfaces, away, gap = spline_pieces.measured_surfaces(name, made, between, origin, size)
     error = max(float(np.sqrt((each**2).sum(axis=1)).max()) for each in away)
     return FittedPieces(surfaces, error, gap, bend, angle, 1 - float(np.mean(followed)))
-
-
-def _add_seams(nets: list[FloatArray], splines: Splines, points: FloatArray, ways: FloatArray) -> None:
-    """Put seams between pieces; they begin and end in tangent planes, of which `ways` are the (r, 2, 3) normals."""
-    for k, net in enumerate(nets):
-        seam = splines.curve(np.hstack([points[k], np.ones((len(net), 1))]))
-        seam[0] = net[-1, 0]
-        seam[-1, :3] = points[0, -1]
-        for pole, end, normal in ((1, 0, ways[k, 0]), (-2, -1, ways[k, 1])):
-            if np.isfinite(normal).all():
-                seam[pole, :3] -= normal * (normal @ (seam[pole, :3] - seam[end, :3]))
-        net[-1] = nets[(k + 1) % len(nets)][:, -1] = seam

@@ -40,7 +40,12 @@ def approve(golden: str, out: str, names: tuple[str, ...], prune: bool, comparin
     Every mesh is read first, and what changes is said. If one cannot be read, or OUT has no files, nothing is taken
     over. All files appear together: if one cannot be written, GOLDEN stays as it was.
     """
-    _refuse_folders(golden, out)
+    for folder in (out, golden) if os.path.lexists(golden) else (out,):
+        if not os.path.isdir(folder):
+            raise GtbError(f"{folder}: is not a folder")
+    places = [os.path.join(os.path.realpath(folder), "") for folder in (golden, out)]
+    if os.path.join(os.path.commonpath(places), "") in places:
+        raise click.UsageError("GOLDEN and OUT are the same folder, or one in the other")
     unreadable = dict[str, str]()
     new = files_in(out, unreadable)
     if not new and not unreadable:
@@ -76,16 +81,6 @@ def approve(golden: str, out: str, names: tuple[str, ...], prune: bool, comparin
     if gone and not prune:
         are, them = ("file is", "it") if len(gone) == 1 else ("files are", "them")
         console.warn(f"{golden}: {len(gone)} {are} not in {out}; --prune removes {them}")
-
-
-def _refuse_folders(golden: str, out: str) -> None:
-    """Refuse what is not two folders apart; GOLDEN may be missing."""
-    for folder in (out, golden) if os.path.lexists(golden) else (out,):
-        if not os.path.isdir(folder):
-            raise GtbError(f"{folder}: is not a folder")
-    places = [os.path.join(os.path.realpath(folder), "") for folder in (golden, out)]
-    if os.path.join(os.path.commonpath(places), "") in places:
-        raise click.UsageError("GOLDEN and OUT are the same folder, or one in the other")
 
 
 def _named(names: Sequence[str], verdicts: Mapping[str, Verdict], golden: str, out: str) -> list[Verdict]:

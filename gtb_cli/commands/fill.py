@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 import click
@@ -22,7 +21,6 @@ if TYPE_CHECKING:
     from gtb_cli.cad.cad_seams import Seams
     from gtb_cli.fairing.variation import Bending
     from gtb_cli.filling.certificate import Filling
-    from gtb_cli.filling.holes import Ring
 
 
 def _kinds(values: tuple[str, ...]) -> dict[str, str]:
@@ -89,6 +87,7 @@ def fill(
     """
     from gtb_cli.filling.fill import filled, filled_in_some_way, holes_of
     from gtb_cli.filling.hole_files import read_loop
+    from gtb_cli.filling.holes import ring_texts
     from gtb_cli.filling.part_holes import Part
     from gtb_cli.language.writer import check_target
     from gtb_cli.models.model import Model
@@ -102,7 +101,11 @@ def fill(
     found, named = read_loop(data, source, streams.reading, weld)
     if holes:
         with about(source):
-            return _list_holes(holes_of(found), as_json, streams)
+            rings = holes_of(found)
+            if not as_json:
+                return streams.write("".join(f"{text}\n" for text in ring_texts(rings)))
+            listed = [{"edges": ring.names, "near": ring.corners.mean(axis=0).tolist()} for ring in rings]
+            return write_json(streams.output, {"holes": listed})
     # What is written meets curvature, where no patch does
     bends = isinstance(found, Part) and kind is not None and asked["continuity"] == {"": "g2"}
     options = {name: asked[name] for name in ("inner", "raises", "g2_tolerance")}
@@ -126,16 +129,6 @@ def fill(
     _report(filling, streams.console, asked["is_long"], written=not bends)
     if kind is not None:
         streams.console.report(streams.output, size, warnings)
-
-
-def _list_holes(rings: Sequence[Ring], as_json: bool, streams: Streams) -> None:
-    from gtb_cli.filling.holes import ring_texts
-
-    if as_json:
-        data = [{"edges": ring.names, "near": ring.corners.mean(axis=0).tolist()} for ring in rings]
-        write_json(streams.output, {"holes": data})
-    else:
-        streams.write("".join(f"{text}\n" for text in ring_texts(rings)))
 
 
 def _cad_file(
@@ -214,6 +207,8 @@ def _bending(bending: Bending, error: float) -> dict[str, float]:
 
 def _report(filling: Filling, console: Console, is_long: bool, *, written: bool) -> None:
     """Say all that was measured or, in up to three lines, what was done differently, what is doubtful, and the size."""
+    from gtb_cli.fairing.fair import agreed_text
+
     plain = [remark for remark in filling.remarks if not remark.startswith("degrees of")][:1]
     for remark in filling.remarks if is_long else plain:
         console.note(remark)
@@ -226,37 +221,28 @@ def _report(filling: Filling, console: Console, is_long: bool, *, written: bool)
     angle = "" if math.isnan(filling.angle) else f", largest angle to the given planes {filling.angle:.2g} degrees"
     size = f"{sides} sides, {knots} knots, no folds at corners and some thousand places{angle}"
     if is_long:
-        _report_sides(filling, console)
+        for side, contact in zip(filling.sides, filling.contacts, strict=True):
+            if math.isnan(contact.angle):
+                continue
+            text = (
+                f"{side.name}: angle to its planes up to {contact.angle:.2g} degrees near {filling.at(contact.place)}"
+            )
+            if not math.isnan(contact.bend):
+                text += f", curvatures across differ by up to {contact.bend:.2g} near {filling.at(contact.bend_place)}"
+            if not math.isnan(contact.bend_inside):
+                text += f", at 1% of its length inside by {contact.bend_inside:.2g}"
+            console.note(text)
         _report_corners(filling, console)
         console.note(size)
-        _report_bending(filling, console)
+        measured = zip((filling.bending, filling.bending_nearer), filling.bending_errors, strict=True)
+        for what, (bending, errors) in zip(("hundredth", "thousandth"), measured, strict=True):
+            bent, varied = map(agreed_text, (bending.energy, bending.variation), errors.tolist())
+            largest = f"largest curvature {bending.curvature:.2g}"
+            console.note(f"to a {what} of the way from the edges: bending {bent}, variation {varied}, {largest}")
     else:
         bend = max((each.bend for each in filling.contacts if not math.isnan(each.bend_inside)), default=0.0)
         more = f", curvatures across sides differ by up to {bend:.2g}" if bend else ""
         console.note(f"{size}{more}; --long says more")
-
-
-def _report_sides(filling: Filling, console: Console) -> None:
-    """Say what was measured along each side that has tangent planes."""
-    for side, contact in zip(filling.sides, filling.contacts, strict=True):
-        if math.isnan(contact.angle):
-            continue
-        text = f"{side.name}: angle to its planes up to {contact.angle:.2g} degrees near {filling.at(contact.place)}"
-        if not math.isnan(contact.bend):
-            text += f", curvatures across differ by up to {contact.bend:.2g} near {filling.at(contact.bend_place)}"
-        if not math.isnan(contact.bend_inside):
-            text += f", at 1% of its length inside by {contact.bend_inside:.2g}"
-        console.note(text)
-
-
-def _report_bending(filling: Filling, console: Console) -> None:
-    from gtb_cli.fairing.fair import agreed_text
-
-    measured = zip((filling.bending, filling.bending_nearer), filling.bending_errors, strict=True)
-    for what, (bending, errors) in zip(("hundredth", "thousandth"), measured, strict=True):
-        bent, varied = map(agreed_text, (bending.energy, bending.variation), errors.tolist())
-        largest = f"largest curvature {bending.curvature:.2g}"
-        console.note(f"to a {what} of the way from the edges: bending {bent}, variation {varied}, {largest}")
 
 
 def _report_corners(filling: Filling, console: Console) -> None:

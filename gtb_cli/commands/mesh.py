@@ -127,7 +127,11 @@ def mesh(
     errors = [error for error in planned if isinstance(error, GtbError)]  # of specs: none stops the others
     plan = [task for task in planned if isinstance(task, Task)]
     if folder is not None:
-        _check_targets(plan)
+        sources = grouped((task.output, task.path) for task in plan)
+        for target, (first, *others) in sources.items():
+            if others:
+                raise click.UsageError(f"{first} and {others[0]} would both be written to {os.path.basename(target)}")
+        check_outputs(*sources)
     if book is not None:
         book.expect([task.output for task in plan])
 
@@ -210,15 +214,6 @@ def _planned(path: str, place: str, options: MeshOptions, kind: str, streams: St
 def _output(place: str, kind: str, stem: str | None) -> str:
     """Name the mesh of a spec: the place itself, or a file in it."""
     return place if os.path.basename(place) else os.path.join(place, f"{stem}.{kind}")
-
-
-def _check_targets(plan: Iterable[Task]) -> None:
-    """Refuse two files of one name in the folder, and files that this command reads."""
-    sources = grouped((task.output, task.path) for task in plan)
-    for output, paths in sources.items():
-        if len(paths) > 1:
-            raise click.UsageError(f"{paths[0]} and {paths[1]} would both be written to {os.path.basename(output)}")
-    check_outputs(*sources)
 
 
 def _made(task: Task, options: MeshOptions, kind: str, whole: bool) -> Made | GtbError:

@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import replace
 from typing import NamedTuple
 
@@ -59,10 +60,9 @@ def one_ring(found: Sequence[Ring], asked: str | None, where: str) -> Ring:
     fitting = [ring for ring in found if asked is None or asked in ring.names]
     fitting = fitting or [ring for ring in found if asked in [name.rpartition(" edge ")[0] for name in ring.names]]
     if not fitting and asked is not None:
-        try:
+        point = np.empty(0)
+        with suppress(ValueError):
             point = np.array([float(word) for word in asked.split(",")])
-        except ValueError:
-            point = np.empty(0)
         if point.shape != (3,) or not np.isfinite(point).all():
             raise DomainError(f"hole: no open ring has an edge {asked!r}, and it is not a point; rings: {known}")
         fitting = [min(found, key=lambda ring: float(np.linalg.norm(ring.corners.mean(axis=0) - point)))]

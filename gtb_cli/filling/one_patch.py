@@ -236,9 +236,8 @@ def _attempt(
         if not found[-1].faults:
             break
     best = min(found, key=lambda each: each[:2])
-    return best._replace(
-        measured=cache(partial(_measured, best.patch, quadratures, any(n is not None for n in normals)))
-    )
+    has_planes = any(normal is not None for normal in normals)
+    return best._replace(measured=cache(partial(_measured, best.patch, quadratures, has_planes)))
 
 
 def _measured(patch: Patch, quadratures: Sequence[int], planes: bool) -> tuple[list[Bending], FloatArray, float]:

@@ -81,9 +81,8 @@ class HoleSide:
                 raise DomainError(f"{self.name}: its neighbour's curvature is not known: continuity g2 needs {needed}")
             if not np.isfinite(self.bend).all():
                 place = stations()[int(np.flatnonzero(~np.isfinite(self.bend))[0])]
-                raise DomainError(
-                    f"{self.name}: its neighbour has no finite curvature near t = {place:.3f}: take continuity g1"
-                )
+                where = f"near t = {place:.3f}: take continuity g1"
+                raise DomainError(f"{self.name}: its neighbour has no finite curvature {where}")
             return self
         return replace(self, bend=None, across=None if continuity == "g0" else self.across)
 

@@ -93,17 +93,24 @@ def encode_mesh(
     All its errors about the mesh are raised here, before the first block.
     """
     kind = _known(format)
-    _check_request(mesh, kind, ascii, unit)
-    vertices = len(mesh.vertices)
+    holds, shown, vertices = FORMATS[kind], kind.upper(), len(mesh.vertices)
+    if mesh.is_curve and not holds.curves:
+        raise ExportError(f"{shown} holds triangles, and a curve has none: give it a thickness with `radius` (a tube)")
+    if ascii and holds.text == "never":
+        raise ExportError(f"{shown} has no text form: expected obj, ply or stl with `ascii`")
+    if unit is not None and unit not in UNITS:
+        raise ExportError(f"unit: expected one of {', '.join(UNITS)}, got {unit!r}")
+    if unit is not None and kind not in UNIT_FORMATS:
+        raise ExportError(f"unit: {shown} has none")
     if not vertices or not len(mesh.cells):
         raise ExportError(f"the mesh is empty: {vertices} vertices, {len(mesh.cells)} cells")
     low, high = int(mesh.cells.min()), int(mesh.cells.max())
     if low < 0 or high >= vertices:
         raise ExportError(f"cells: expected indices from 0 to {vertices - 1}, got {low if low < 0 else high}")
     mesh = _with_normals(mesh, kind, normals)
-    coordinates = _texture_coordinates(mesh) if uv and FORMATS[kind].uv else None
+    coordinates = _texture_coordinates(mesh) if uv and holds.uv else None
     attributes: dict[str, FloatArray] = {}
-    if FORMATS[kind].attributes and mesh.attributes:
+    if holds.attributes and mesh.attributes:
         from gtb_cli.formats.ply import ply_attributes
 
         attributes = ply_attributes(mesh.attributes)
@@ -137,19 +144,6 @@ def encode_mesh(
     from gtb_cli.formats.glb import glb_blocks
 
     return glb_blocks(mesh, groups, coordinates, up or FORMATS[kind].up, unit, name)
-
-
-def _check_request(mesh: Mesh, kind: str, ascii: bool, unit: str | None) -> None:
-    """Refuse what a format cannot hold."""
-    holds, shown = FORMATS[kind], kind.upper()
-    if mesh.is_curve and not holds.curves:
-        raise ExportError(f"{shown} holds triangles, and a curve has none: give it a thickness with `radius` (a tube)")
-    if ascii and holds.text == "never":
-        raise ExportError(f"{shown} has no text form: expected obj, ply or stl with `ascii`")
-    if unit is not None and unit not in UNITS:
-        raise ExportError(f"unit: expected one of {', '.join(UNITS)}, got {unit!r}")
-    if unit is not None and kind not in UNIT_FORMATS:
-        raise ExportError(f"unit: {shown} has none")
 
 
 def _with_normals(mesh: Mesh, kind: str, normals: bool | None) -> Mesh:

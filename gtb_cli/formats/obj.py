@@ -184,10 +184,8 @@ class _ObjLines:
             label = COLOURS if width < 5 else "further numbers of vertices"
             return {label if width > 1 else "weights of vertices": (numbers, cells)}
 
-        steps = partial(half_step, self.words)
-        return FileArrays(
-            vertices, cells, steps, tuple(groups), "", values, marks, libraries, np.concatenate(self.polygons)
-        )
+        steps, polygons = partial(half_step, self.words), np.concatenate(self.polygons)
+        return FileArrays(vertices, cells, steps, tuple(groups), "", values, marks, libraries, polygons)
 
 
 def _sorted(lines: list[bytes]) -> tuple[dict[bytes, list[int]], list[tuple[int, bytes, str]]]:

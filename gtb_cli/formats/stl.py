@@ -79,10 +79,8 @@ def _read_text(data: bytes) -> FileArrays:
     most = 1 << 20  # words that are read together
     number = rb"\s+(\S+)"
     corner = rb"\s+vertex" + 3 * number
-    facet = re.compile(
-        rb"\s*facet\s+normal" + 3 * number + rb"\s+outer\s+loop" + 3 * corner + rb"\s+endloop\s+endfacet\b",
-        re.IGNORECASE,
-    )
+    loop = rb"\s+outer\s+loop" + 3 * corner + rb"\s+endloop"
+    facet = re.compile(rb"(?i)\s*facet\s+normal" + 3 * number + loop + rb"\s+endfacet\b")
     solid, endsolid = (re.compile(rb"(?i)\s*" + word + rb"\b([^\r\n]*)") for word in (b"solid", b"end *solid"))
     corners, normals, words, sample = [np.empty(0)], list[bytes](), list[bytes](), list[bytes]()
     count = place = 0

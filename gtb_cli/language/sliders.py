@@ -3,6 +3,7 @@
 import math
 import re
 from collections.abc import Collection, Mapping
+from contextlib import suppress
 from typing import Any, NamedTuple
 
 from gtb_cli.errors import SpecError
@@ -87,10 +88,9 @@ def plain_value(entry: object) -> float | None:
     if isinstance(entry, str):
         if names_in(entry) or any(re.search(rf"\b{name}\b", entry) for name in FUNCTIONS):
             return None
-        try:
+        with suppress(SpecError):
             return evaluate_expression(entry)
-        except SpecError:
-            return None
+        return None
     if isinstance(entry, bool) or not isinstance(entry, int | float) or not abs(entry) < MAX_SIZE:
         return None
     return float(entry)

@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from gtb_cli.arrays import BoolArray, FloatArray, IntArray, cross, rows_of
+from gtb_cli.arrays import FloatArray, IntArray, cross, rows_of
 from gtb_cli.meshes.nearest import NearestCells, middles
 
 
@@ -55,7 +55,7 @@ class CellParts(NamedTuple):
         # coordinates up to 1, may be rounding: such planes would cut a tiny part thousands of times in vain.
         depth = np.maximum(1e-9 * np.sqrt(square.max(axis=1, initial=0.0)), 1e-15)
         over_middle = _heights(self.corners, middles(self.corners), tree.corners[self.likely])
-        is_cut = _pass_between(over_middle, depth)
+        is_cut = (over_middle.max(axis=1) > depth) & (over_middle.min(axis=1) < -depth)
         heights[is_cut] = over_middle[is_cut]
         return self._divided(heights)
 
@@ -131,8 +131,3 @@ def _directions(cells: FloatArray) -> tuple[FloatArray, FloatArray]:
     """(m, sides, 3) unit vectors along sides, 0 where both ends coincide, and (m, sides) lengths."""
     sides, lengths = _sides(cells), np.sqrt(_squares(cells))
     return sides / np.where(lengths > 0, lengths, 1.0)[:, :, None], lengths
-
-
-def _pass_between(heights: FloatArray, depth: FloatArray) -> BoolArray:
-    """(m,) true where corners with (m, c) heights lie on both sides of a plane, farther from it than these depths."""
-    return np.asarray((heights.max(axis=1) > depth) & (heights.min(axis=1) < -depth))

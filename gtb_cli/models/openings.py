@@ -28,9 +28,8 @@ def obstacles(joints: Joints, patches: Sequence[Patch]) -> list[str]:
     misses, name = near_misses(joints, patches), partial(edge_name, patches)
     told = {ref for miss in misses for ref in miss[:2]}
     lines = [f"{name(one)} is open: {why.format(name(other))}" for one, other, why in misses]
-    lines += missing_copies(joints, patches, len(patches)) or _rings(
-        [ref for ref in joints.open if ref not in told], patches
-    )
+    rest = [ref for ref in joints.open if ref not in told]
+    lines += missing_copies(joints, patches, len(patches)) or _rings(rest, patches)
     lines += [f"{', '.join(map(name, refs))} are one curve: more than two meet there" for refs in joints.crowded]
     pairs = [(name(joint.first), name(joint.second)) for joint in joints.one_sided]
     return lines + [f"{one} and {other} cannot be given the same orientation" for one, other in pairs]
@@ -129,10 +128,8 @@ def other_grids(model: Model) -> list[str]:
         for k in own:
             trial[k] = trial[k].replace(knots=other, coefficients=trial[k].coefficients[order])
         if (more := len(find_joints(trial, model.weld).shared) - len(model.joints.shared)) > 0:
-            grids = f"grid {columns}x{rows}, not {rows}x{columns}"
-            lines.append(
-                f"{patch_name(surfaces[own[0]], own[0])} is open: with knots {grids}, {more} more edges are joined"
-            )
+            cure = f"with knots grid {columns}x{rows}, not {rows}x{columns}, {more} more edges are joined"
+            lines.append(f"{patch_name(surfaces[own[0]], own[0])} is open: {cure}")
     return lines
 
 

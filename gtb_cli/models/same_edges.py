@@ -46,7 +46,9 @@ def find_joints(patches: Sequence[Patch], weld: float | None = None) -> Joints:
     flipped, one_sided = _orientation(len(patches), shared if is_surface else ())
     alone = {i for i, others in followers.items() if not others}
     many = [(i, *(j for j, *_ in others)) for i, others in followers.items() if len(others) > 1]
-    almost = sorted(pair for pair, match in near.items() if edges.nearly_meet(*pair, match, alone))
+    open_pairs = ((pair, match) for pair, match in near.items() if alone.issuperset(pair) and not edges.is_one(match))
+    least = {i: ALMOST * edges.curves[i].size for i in alone}  # nearer, two were probably meant to be one
+    almost = sorted((i, j) for (i, j), match in open_pairs if match.distance <= min(least[i], least[j]))
     return Joints(
         shared=shared,
         open=tuple(refs[i] for i in followers if i in alone),
@@ -130,11 +132,6 @@ class _EdgeCurves:
     def is_one(self, match: Match) -> bool:
         """Tell whether two edges are joined, by a proof or by the weld."""
         return match.proved or match.distance <= self.weld
-
-    def nearly_meet(self, i: int, j: int, match: Match, alone: set[int]) -> bool:
-        """Tell whether two edges are open, and so near that they were probably meant to be one."""
-        least = min(self.curves[i].size, self.curves[j].size)
-        return {i, j} <= alone and not self.is_one(match) and match.distance <= ALMOST * least
 
     def _compared(self, i: int, j: int) -> Match:
         """Compare two curves in the directions in which their ends are near."""

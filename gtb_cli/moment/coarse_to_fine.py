@@ -128,9 +128,8 @@ def _extended(values: FloatArray, last: IntArray) -> FloatArray:
     lines[..., :NODES_BEFORE] = lines[..., NODES_BEFORE : NODES_BEFORE + ORDER] @ weights_before
     long = np.flatnonzero(last >= ORDER - 1)
     end = NODES_BEFORE + 1 + last[long, None]
-    lines[..., long[:, None], end + np.arange(NODES_AFTER)] = (
-        lines[..., long[:, None], end - ORDER + np.arange(ORDER)] @ weights_after
-    )
+    known = lines[..., long[:, None], end - ORDER + np.arange(ORDER)]
+    lines[..., long[:, None], end + np.arange(NODES_AFTER)] = known @ weights_after
     for line in np.flatnonzero(last < ORDER - 1).tolist():  # too short for a polynomial
         lines[..., line, :NODES_BEFORE] = lines[..., line, NODES_BEFORE, None]
         lines[..., line, NODES_BEFORE + last[line] + 1 :] = lines[..., line, NODES_BEFORE + last[line], None]

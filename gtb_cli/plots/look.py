@@ -5,6 +5,7 @@ from __future__ import annotations
 import io
 import math
 from collections.abc import Callable, Iterable, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, TypeAlias, get_args
@@ -54,10 +55,9 @@ class Camera:
 
 def numbers_in(name: str, given: object, limits: Sequence[tuple[float, float]]) -> tuple[float, ...]:
     """Return as many numbers as there are limits, each within its own."""
-    try:
+    values = np.empty(0)
+    with suppress(ValueError):
         values = np.asarray(given)
-    except ValueError:
-        values = np.empty(0)
     fits = values.shape == (len(limits),) and values.dtype.kind in "iuf"
     if not fits or not all(low <= value <= high for value, (low, high) in zip(values, limits, strict=True)):
         ranges = ", ".join(f"{low:g} … {high:g}" for low, high in limits)

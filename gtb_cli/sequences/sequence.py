@@ -6,6 +6,7 @@ run together. The triangulation is that of the limit: for a degeneration it foll
 
 import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
+from contextlib import suppress
 from functools import cached_property
 from typing import Any
 
@@ -119,10 +120,9 @@ class MeshSequence:
         """
         if self._decomposition is None:
             return None if self._family.filmed else 1.0
-        try:
+        found = math.nan
+        with suppress(ToleranceError):
             found = convergence_rate(self._decomposition)
-        except ToleranceError:
-            return None
         return found if 0 < found < math.inf else None
 
     def entry(self, member: Member, name: str) -> dict[str, Any]:

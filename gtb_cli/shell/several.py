@@ -58,11 +58,20 @@ class ReportRequest:
         """True if each of several specs gets one line."""
         return are_several(self.specs) and not self.in_full and not self.as_json
 
-    def report(self, measured: Callable[..., Found], meshes: bool = False, **forms: Any) -> list[Found]:
-        """Write and return what ``measured(path, reading=…, weld=…)`` finds for each spec, or mesh; `forms` say how.
+    def report(
+        self,
+        measured: Callable[..., Found],
+        record: Callable[[Found], dict[str, Any]],
+        line: Callable[[str, Found], str],
+        text: Callable[[Found], str],
+        gap: str = "",
+        meshes: bool = False,
+    ) -> list[Found]:
+        """Write and return what ``measured(path, reading=…, weld=…)`` finds for each spec, or mesh.
 
-        Several processes share the work, so `measured` is a function of a module; this one reads standard input. Then
-        it is a `GtbError` if some specs have errors.
+        It is written as JSON, in full, or with a line for each of several specs; `gap` stands between texts. Several
+        processes share the work, so `measured` is a function of a module; this one reads standard input. Then it is a
+        `GtbError` if some specs have errors.
         """
         specs = inputs_of(self.specs, self.streams.output, meshes)
         reported = partial(attempted, function=partial(measured, reading=self.streams.reading, weld=self.weld))
@@ -75,32 +84,23 @@ class ReportRequest:
                     errors += result.faults
                 else:
                     found.append((shown_input(spec), result))
-        if found:
-            self._write(found, **forms)
+        if not found:
+            raise GtbError(*errors)
+        several = are_several(self.specs)
+        # "::" at the beginning of a line, also after spaces, is a command of GitHub's
+        shown = [printable(f"./{name}" if name.lstrip().startswith("::") else name) for name, _ in found]
+        rows = zip(shown, (each for _, each in found), strict=True)
+        if self.as_json:
+            data = [({"file": name} if several else {}) | record(each) for name, each in found]
+            write_json(self.streams.output, data if several else data[0])
+        elif self.in_lines:
+            self.streams.write("".join(f"{line(name, each)}\n" for name, each in rows))
+        else:
+            texts = [(f"{name}\n" if several else "") + text(each) for name, each in rows]
+            self.streams.write(without_commands(gap.join(texts)))
         if errors:
             raise GtbError(*errors)
         return [each for _, each in found]
-
-    def _write(
-        self,
-        rows: Sequence[tuple[str, Found]],
-        record: Callable[[Found], dict[str, Any]],
-        line: Callable[[str, Found], str],
-        text: Callable[[Found], str],
-        gap: str = "",
-    ) -> None:
-        """Write the reports as JSON, in full, or with a line for each of several specs; `gap` stands between texts."""
-        several = are_several(self.specs)
-        if self.as_json:
-            data = [({"file": name} if several else {}) | record(found) for name, found in rows]
-            return write_json(self.streams.output, data if several else data[0])
-        # "::" at the beginning of a line, also after spaces, is a command of GitHub's
-        rows = [(f"./{name}" if name.lstrip().startswith("::") else name, found) for name, found in rows]
-        if self.in_lines:
-            self.streams.write("".join(f"{line(printable(name), found)}\n" for name, found in rows))
-        else:
-            texts = [(f"{printable(name)}\n" if several else "") + text(found) for name, found in rows]
-            self.streams.write(without_commands(gap.join(texts)))
 
 
 def report_options(metavar: str = "SPEC...") -> Option:

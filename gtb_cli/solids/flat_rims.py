@@ -47,9 +47,8 @@ def with_flat_rims(solid: Mesh, thickness: float, other: str) -> tuple[Mesh, lis
         centre, normal, nearly = _plane_of(surface, rim, cells)
         away = np.abs((surface[rim] - centre) @ normal)
         if away.max() > nearly:
-            uneven.append(
-                f"leaves its plane by {away.max():.3g} near {point_text(surface[rim][away.argmax()], surface)}"
-            )
+            farthest = surface[rim][away.argmax()]
+            uneven.append(f"leaves its plane by {away.max():.3g} near {point_text(farthest, surface)}")
             continue
         near = f"near {point_text(surface[rim.argmax()], surface)}"
         height = (offset - centre) @ normal

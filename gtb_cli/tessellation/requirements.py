@@ -46,14 +46,21 @@ def require(
             if len(causes) > max(3, leaks):
                 causes = [*causes[: max(2, leaks)], causes[-1]]
             lines += [f"not {word}: {line}" for line in causes]
-    if "one-piece" in asked and (pieces := _pieces(spec, mesh)):
-        seams = unjoined_seams(spec) if isinstance(spec, Model) and not lines else []
+    if "one-piece" in asked:
+        measures = measure(mesh)
+        pieces = _loose_parts(spec) if isinstance(spec, Model) else []  # which may touch at vertices
+        if (count := measures.components - (measures.inward_parts or 0)) > 1:  # cavities are not pieces
+            pieces = [f"{count} pieces", *pieces]
+        seams = unjoined_seams(spec) if pieces and isinstance(spec, Model) and not lines else []
         lines += [f"not one-piece: {line}" for line in (*seams, *pieces)]
     if "unfolded" in asked:
         turns = places_of_folds(spec, surface) or _folded_patches(spec)
         lines += [f"not unfolded: {line}" for line in dict.fromkeys((*turns, *folds))]
-    if "smooth" in asked:
-        lines += _creases(spec, asked["smooth"])
+    if isinstance(spec, Model) and (angle := asked.get("smooth")) is not None:
+        points = np.concatenate([patch.control_points for patch in spec])
+        sharp = [(f"meet at {seam.angle:.3g} degrees", seam) for seam in spec.seams if not seam.angle <= angle]
+        told = [(meet, f"{seam.name(spec)} {meet}, near {point_text(seam.place, points)}") for meet, seam in sharp]
+        lines += [f"not smooth: {line}" for line in one_of_alike(told)]
     if lines:
         raise RequirementError(*lines)
 
@@ -85,14 +92,6 @@ def _folded_patches(spec: Patch | Model) -> list[str]:
     return lines
 
 
-def _pieces(spec: Patch | Model, mesh: Mesh) -> list[str]:
-    """Say in how many pieces a mesh is, if it is not one, and which parts of a model are loose; cavities are none."""
-    measures = measure(mesh)
-    loose = _loose_parts(spec) if isinstance(spec, Model) else []  # which may touch at vertices
-    count = measures.components - (measures.inward_parts or 0)
-    return [f"{count} pieces", *loose] if count > 1 else loose
-
-
 def _loose_parts(model: Model) -> list[str]:
     """Name the parts of a model that share no edge; nothing if it is one."""
     patches = model.patches
@@ -102,16 +101,6 @@ def _loose_parts(model: Model) -> list[str]:
     sizes, most = sorted(zip(firsts.tolist(), counts.tolist(), strict=True)), 8
     names = [patch_name(patches[k], k) + f" and {count - 1} more" * (count > 1) for k, count in sizes[:most]]
     return [f"{len(counts)} parts share no edge: {'; '.join(names)}{'; ...' * (len(counts) > most)}"]
-
-
-def _creases(spec: Patch | Model, angle: float) -> list[str]:
-    """Say which seams have an angle larger than the given one."""
-    if not isinstance(spec, Model):
-        return []
-    points = np.concatenate([patch.control_points for patch in spec])
-    sharp = [(f"meet at {seam.angle:.3g} degrees", seam) for seam in spec.seams if not seam.angle <= angle]
-    lines = [(meet, f"{seam.name(spec)} {meet}, near {point_text(seam.place, points)}") for meet, seam in sharp]
-    return [f"not smooth: {line}" for line in one_of_alike(lines)]
 
 
 def _open_edges(spec: Patch | Model, mesh: Mesh) -> list[str]:

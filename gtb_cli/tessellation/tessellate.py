@@ -3,6 +3,7 @@
 import math
 import os
 from collections.abc import Iterable
+from contextlib import suppress
 from functools import partial
 from typing import TypeAlias
 
@@ -111,10 +112,9 @@ def refuse_faces(faces: int, resolution: int, max_faces: int, meshes: int = 1) -
         ways_out = f"take a smaller `resolution`, or allow them with `max_faces` {faces}"
         raise ToleranceError(f"{estimate}, more than {max_faces}: {ways_out}")
     needed = 100 * faces  # bytes, measured: 1.92 GB for twenty million faces of a model, 0.83 of a patch
-    try:
+    there = math.inf
+    with suppress(AttributeError, ValueError, OSError):  # the system may not say
         there = float(os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE"))
-    except (AttributeError, ValueError, OSError):  # the system does not say
-        there = math.inf
     if needed > there:
         memory = f"about {needed / 1e9:.0f} GB of memory, this machine has {there / 1e9:.0f}"
         raise ToleranceError(f"{estimate} and needs {memory}: take a smaller `resolution`")
