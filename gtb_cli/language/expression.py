@@ -70,17 +70,23 @@ def evaluate_expression(text: str, names: Mapping[str, float] = {}) -> float:
 
 
 def degrees_in(text: str, names: Mapping[str, float]) -> str:
-    """Say which angle of a valid expression is probably meant in degrees, if one is.
+    """Say which angle of a function in a valid expression is probably meant in degrees, if one is."""
+    for call in re.finditer(r"\b(?:sin|cos|tan)\([ \t]*([^()]*?)[ \t]*\)", text):
+        if meant := degrees_of(call[1], names):
+            return f"{call[0]} {meant}"
+    return ""
+
+
+def degrees_of(text: str, names: Mapping[str, float]) -> str:
+    """Say how an angle is written in degrees if it probably is meant so, or nothing.
 
     It is above 2π, and a whole number or a half, or, if it is computed, up to 12 parts of some turns of 360.
     """
-    for call in re.finditer(r"\b(?:sin|cos|tan)\([ \t]*([^()]*?)[ \t]*\)", text):
-        angle, is_simple = evaluate_expression(call[1], names), re.fullmatch(r"[\w.]+", call[1]) is not None
-        parts = [2 * angle] if is_simple else [number * angle / 360 for number in range(3, 13)]  # of a full turn
-        if abs(angle) > 2 * math.pi and any(part and abs(part - round(part)) <= 1e-9 * abs(part) for part in parts):
-            factor = call[1] if is_simple else f"({call[1]})"
-            return f"{call[0]} is of {angle:g} radians: {factor}*deg is {angle:g} degrees"
-    return ""
+    angle, is_simple = evaluate_expression(text, names), re.fullmatch(r"[\w.]+", text) is not None
+    parts = [2 * angle] if is_simple else [number * angle / 360 for number in range(3, 13)]  # of a full turn
+    if abs(angle) <= 2 * math.pi or all(part == 0 or abs(part - round(part)) > 1e-9 * abs(part) for part in parts):
+        return ""
+    return f"is of {angle:g} radians: {text if is_simple else f'({text})'}*deg is {angle:g} degrees"
 
 
 def factor_of_radians(text: object) -> str:

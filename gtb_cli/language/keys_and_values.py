@@ -13,7 +13,7 @@ import numpy as np
 from gtb_cli.arrays import FloatArray
 from gtb_cli.errors import SpecError
 from gtb_cli.language.document import Faults, shown
-from gtb_cli.language.expression import COUNTER, degrees_in, evaluate_expression
+from gtb_cli.language.expression import COUNTER, degrees_in, degrees_of, evaluate_expression
 from gtb_cli.language.scanner import Path
 
 MAX_SIZE = 1e100  # a coordinate, lifting value or scale: squares and products of two stay finite
@@ -98,10 +98,16 @@ class Values:
         elif not name.startswith("arc"):
             fault = f"arc is written in small letters, got {shown(text)}"
         elif not 0 < abs(given[2]) <= math.pi:
-            fault = f"the angle must be at most 180*deg, got {given[2]:g} radians in {shown(text)}"
+            hint = degrees_of(parts[2].strip(" \t"), self.names).partition("radians")[2]
+            fault = f"the angle must be at most 180*deg, got {given[2]:g} radians in {shown(text)}{hint}"
         if fault:
             self.faults.add(path, f"{fault}{self._note}")
             return [None]
+        doubt = f"the radius of {shown(text)} is negative: {given[0]:g}" if given[0] < 0 else ""
+        if not doubt and len(given) == 5 and (meant := degrees_of(parts[4].strip(" \t"), self.names)):
+            doubt = f"the start of {shown(text)} {meant}"
+        if doubt and self.faults.doubt is None:
+            self.faults.doubt = path, doubt
         r, z, angle, roundness, start = (*given, *(1.0, 0.0)[len(given) - 3 :])
         c, s, q = math.cos(angle), math.sin(angle), roundness * 4 / 3 * math.tan(angle / 4)
         x, y = np.array([(1, 0), (1, q), (c + q * s, s - q * c), (c, s)]).T

@@ -64,7 +64,8 @@ def check_ranges(document: Document, faults: Faults, numbers: Mapping[str, float
             if name in given and name in _counts(spec, spec["let"]):
                 faults.doubt = (("let", name), words)
                 raise SpecError(faults.doubted())  # alone: the rest follows
-            faults.doubt = faults.doubt or (("let", name), words)
+            if faults.doubt is None or "let" not in faults.doubt[0]:  # what follows is doubted later
+                faults.doubt = ("let", name), words
 
 
 def _commented(document: Document, names: Collection[str]) -> list[tuple[str, str, int, str]]:
