@@ -87,7 +87,7 @@ class Values:
     def _arc(self, text: str, path: Path) -> list[FloatArray] | list[None]:
         """Read the four control points of a circle's arc, or of one that is less round, about the z axis."""
         name, _, inside = text.strip(" \t")[:-1].partition("(")
-        parts = inside.split(",")
+        parts = [part.strip(" \t") for part in inside.split(",")]
         given = [number for part in parts if (number := self.number(part, path, COORDINATE)) is not None]
         if len(given) < len(parts):
             return [None]
@@ -98,16 +98,15 @@ class Values:
         elif not name.startswith("arc"):
             fault = f"arc is written in small letters, got {shown(text)}"
         elif not 0 < abs(given[2]) <= math.pi:
-            hint = degrees_of(parts[2].strip(" \t"), self.names).partition("radians")[2]
+            hint = degrees_of(parts[2], self.names).partition("radians")[2]
             fault = f"the angle must be at most 180*deg, got {given[2]:g} radians in {shown(text)}{hint}"
         if fault:
             self.faults.add(path, f"{fault}{self._note}")
             return [None]
+        meant = degrees_of(parts[4], self.names) if len(parts) > 4 else ""
         doubt = f"the radius of {shown(text)} is negative: {given[0]:g}" if given[0] < 0 else ""
-        if not doubt and len(given) == 5 and (meant := degrees_of(parts[4].strip(" \t"), self.names)):
-            doubt = f"the start of {shown(text)} {meant}"
-        if doubt and self.faults.doubt is None:
-            self.faults.doubt = path, doubt
+        if (doubt or meant) and self.faults.doubt is None:
+            self.faults.doubt = path, doubt or f"the start of {shown(text)} {meant}"
         r, z, angle, roundness, start = (*given, *(1.0, 0.0)[len(given) - 3 :])
         c, s, q = math.cos(angle), math.sin(angle), roundness * 4 / 3 * math.tan(angle / 4)
         x, y = np.array([(1, 0), (1, q), (c + q * s, s - q * c), (c, s)]).T

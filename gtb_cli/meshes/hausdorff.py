@@ -113,7 +113,8 @@ def _directed(vertices: FloatArray, cells: IntArray, other: FloatArray, accuracy
     pieces = joined(kept)
     effort = min(cut_batch, effort) if by_sample else effort
     while True:
-        search.look_at_corners(pieces, pieces.bounds)
+        worst = np.argsort(-pieces.bounds, kind="stable")[:64]  # the pieces of which corners are measured in each round
+        search.look_at(pieces.corners[worst, pieces.worst[worst]])
         pieces = search.needed(pieces)
         if not len(pieces.bounds) or effort <= 0:
             break
@@ -123,7 +124,8 @@ def _directed(vertices: FloatArray, cells: IntArray, other: FloatArray, accuracy
         by_sample = not by_sample
         effort -= number
         parts = search.bounded_well(search.bounded(rows_of(pieces, order[:number]).cut(search.tree)))
-        search.look_at_corners(parts, parts.samples)
+        farthest = np.argsort(-parts.samples, kind="stable")[:64]
+        search.look_at(parts.corners[farthest, parts.worst[farthest]])
         pieces = joined([rows_of(pieces, order[number:]), parts])
     search.bound = max(search.found, search.bound, float(pieces.bounds.max(initial=0.0)))
     del search.tree  # which takes more memory than both meshes
@@ -158,11 +160,6 @@ class _FarthestPoint:
         """Like `bounded`, with the cells nearest to the middles."""
         samples, likely = self.tree.search(middles(pieces.corners), pieces.samples, pieces.likely)
         return self.needed(pieces.bounded(self.tree, likely, samples))
-
-    def look_at_corners(self, pieces: CellParts, far: FloatArray) -> None:
-        """Measure a corner each of the 64 pieces that are farthest by bounds or samples, in each round."""
-        worst = np.argsort(-far, kind="stable")[:64]
-        self.look_at(pieces.corners[worst, pieces.worst[worst]])
 
     def look_at(self, points: FloatArray, likely: IntArray | None = None) -> tuple[FloatArray, IntArray]:
         """Distances of (m, 3) points, exact if they may be the largest, else upper bounds; and the nearest cells."""

@@ -127,7 +127,7 @@ def test_meshes_files_and_patches(tmp_path):
     mixed = distance(mesh, patch)
     assert abs(mixed.distance - fine) <= mixed.error
     assert not mixed.is_proved
-    with pytest.raises(DomainError, match="shape: expected"):
+    with pytest.raises(DomainError, match="expected a Patch"):
         distance(3, mesh)
 
 

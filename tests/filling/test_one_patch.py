@@ -252,7 +252,7 @@ def test_at_corners_curvature_is_bounded_whatever_the_twists(kind):
     if kind == "planes":
         assert_fills(filling, random_sides(5, 0, (2, 3)))
     assert filling.angle < PLANES or (kind == "edges only" and math.isnan(filling.angle))
-    assert filling.bending.energy < {"planes": 0.75, "an edge only": 0.62, "edges only": 0.34}[kind]
+    assert filling.bending.energy < {"planes": 0.75, "an edge only": 0.63, "edges only": 0.34}[kind]
     assert not filling.doubts
     sharp = replace(filling, corner_curvatures=(1.0, 1.0, 150.0, 400.0, math.nan))  # edges are some 1.2 long
     assert re.search(r"the shorter edge is up to \S+ at corner 3, \(-0[^f]*$", sharp.doubts[0])
