@@ -70,17 +70,26 @@ def evaluate_expression(text: str, names: Mapping[str, float] = {}) -> float:
 
 
 def degrees_in(text: str, names: Mapping[str, float]) -> str:
-    """Say which angle of a valid expression is probably meant in degrees, if one is.
+    """Say which angle of a valid expression is probably meant in degrees, if one is."""
+    calls = re.finditer(r"\b(?:sin|cos|tan)\([ \t]*([^()]*?)[ \t]*\)", text)
+    doubts = (doubted_angle(call[0], call[1], evaluate_expression(call[1], names)) for call in calls)
+    return next(filter(None, doubts), "")
+
+
+def doubted_angle(what: str, text: str, angle: float) -> str:
+    """Say that an angle, the value of an expression, is probably meant in degrees, or nothing.
 
     It is above 2π, and a whole number or a half, or, if it is computed, up to 12 parts of some turns of 360.
     """
-    for call in re.finditer(r"\b(?:sin|cos|tan)\([ \t]*([^()]*?)[ \t]*\)", text):
-        angle, is_simple = evaluate_expression(call[1], names), re.fullmatch(r"[\w.]+", call[1]) is not None
-        parts = [2 * angle] if is_simple else [number * angle / 360 for number in range(3, 13)]  # of a full turn
-        if abs(angle) > 2 * math.pi and any(part and abs(part - round(part)) <= 1e-9 * abs(part) for part in parts):
-            factor = call[1] if is_simple else f"({call[1]})"
-            return f"{call[0]} is of {angle:g} radians: {factor}*deg is {angle:g} degrees"
+    parts = [2 * angle] if factor(text) == text else [number * angle / 360 for number in range(3, 13)]  # of a full turn
+    if abs(angle) > 2 * math.pi and any(part and abs(part - round(part)) <= 1e-9 * abs(part) for part in parts):
+        return f"{what} is of {angle:g} radians: {factor(text)}*deg is {angle:g} degrees"
     return ""
+
+
+def factor(text: str) -> str:
+    """Write an expression as a factor: in parentheses, but for a number or a name."""
+    return text if re.fullmatch(r"[\w.]+", text) else f"({text})"
 
 
 def factor_of_radians(text: object) -> str:

@@ -13,7 +13,7 @@ import numpy as np
 from gtb_cli.arrays import FloatArray
 from gtb_cli.errors import SpecError
 from gtb_cli.language.document import Faults, shown
-from gtb_cli.language.expression import COUNTER, degrees_in, evaluate_expression
+from gtb_cli.language.expression import COUNTER, degrees_in, doubted_angle, evaluate_expression, factor
 from gtb_cli.language.scanner import Path
 
 MAX_SIZE = 1e100  # a coordinate, lifting value or scale: squares and products of two stay finite
@@ -97,12 +97,17 @@ class Values:
             fault = f"must be {forms}, got {shown(text)}"
         elif not name.startswith("arc"):
             fault = f"arc is written in small letters, got {shown(text)}"
+        elif given[0] < 0:
+            fault = f"the radius must not be negative, got {given[0]:g} in {shown(text)}"
         elif not 0 < abs(given[2]) <= math.pi:
             fault = f"the angle must be at most 180*deg, got {given[2]:g} radians in {shown(text)}"
+            fault += f": for degrees, write {factor(parts[2].strip())}*deg" if abs(given[2]) > 2 * math.pi else ""
         if fault:
             self.faults.add(path, f"{fault}{self._note}")
             return [None]
         r, z, angle, roundness, start = (*given, *(1.0, 0.0)[len(given) - 3 :])
+        if self.faults.doubt is None and (doubt := doubted_angle("the start", "".join(parts[4:]).strip(), start)):
+            self.faults.doubt = path, doubt
         c, s, q = math.cos(angle), math.sin(angle), roundness * 4 / 3 * math.tan(angle / 4)
         x, y = np.array([(1, 0), (1, q), (c + q * s, s - q * c), (c, s)]).T
         turned = x * math.cos(start) - y * math.sin(start), x * math.sin(start) + y * math.cos(start)

@@ -61,7 +61,9 @@ def require(
 def _leaks(spec: Patch | Model, mesh: Mesh, held: tuple[Mesh, str], is_solid: bool) -> list[str]:
     """Say where a mesh leaks or, as a solid, looks inwards; else, with its remark, where the held one does."""
     if lines := _open_edges(spec, mesh):
-        lines[0] += "; `thickness` makes a solid of a surface" if is_solid and "is open" in lines[0] else ""
+        if is_solid and "is open" in lines[0]:
+            what, *fills = lines[0].partition("; `fills`")
+            lines[0] = "".join((what, "; `thickness` makes a solid of a surface", *fills))
         return lines
     lines, (stored, remark) = (_inward_faces(mesh) if is_solid else []) or _merged_faces(mesh), held
     if lines or stored is mesh:
