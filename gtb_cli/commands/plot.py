@@ -130,8 +130,7 @@ def plot(spec: str, format: str | None, solid: Recipe | None, limit: Approach, s
         if solid is not None:
             for name in ("labels", "net", "curvature"):
                 if looks[name]:
-                    cause = "--radius" if solid.thickness is None else "--thickness"
-                    raise click.UsageError(f"--{name} is for a curve or surface, not for a solid: leave {cause} out")
+                    raise click.UsageError(f"--{name} is not for a solid: leave --thickness and --radius out")
             shape, remarks = replace(solid, resolution=looks["resolution"] or RESOLUTION, normals=True).mesh(loaded)
             for remark in remarks:
                 streams.console.warn(in_options(remark))

@@ -81,15 +81,11 @@ def doubted_angle(what: str, text: str, angle: float) -> str:
 
     It is above 2π, and a whole number or a half, or, if it is computed, up to 12 parts of some turns of 360.
     """
-    parts = [2 * angle] if factor(text) == text else [number * angle / 360 for number in range(3, 13)]  # of a full turn
+    is_simple = re.fullmatch(r"[\w.]+", text) is not None
+    parts = [2 * angle] if is_simple else [number * angle / 360 for number in range(3, 13)]  # of a full turn
     if abs(angle) > 2 * math.pi and any(part and abs(part - round(part)) <= 1e-9 * abs(part) for part in parts):
-        return f"{what} is of {angle:g} radians: {factor(text)}*deg is {angle:g} degrees"
+        return f"{what} is of {angle:g} radians: {text if is_simple else f'({text})'}*deg is {angle:g} degrees"
     return ""
-
-
-def factor(text: str) -> str:
-    """Write an expression as a factor: in parentheses, but for a number or a name."""
-    return text if re.fullmatch(r"[\w.]+", text) else f"({text})"
 
 
 def factor_of_radians(text: object) -> str:

@@ -13,7 +13,7 @@ import numpy as np
 from gtb_cli.arrays import FloatArray
 from gtb_cli.errors import SpecError
 from gtb_cli.language.document import Faults, shown
-from gtb_cli.language.expression import COUNTER, degrees_in, doubted_angle, evaluate_expression, factor
+from gtb_cli.language.expression import COUNTER, degrees_in, doubted_angle, evaluate_expression
 from gtb_cli.language.scanner import Path
 
 MAX_SIZE = 1e100  # a coordinate, lifting value or scale: squares and products of two stay finite
@@ -101,7 +101,7 @@ class Values:
             fault = f"the radius must not be negative, got {given[0]:g} in {shown(text)}"
         elif not 0 < abs(given[2]) <= math.pi:
             fault = f"the angle must be at most 180*deg, got {given[2]:g} radians in {shown(text)}"
-            fault += f": for degrees, write {factor(parts[2].strip())}*deg" if abs(given[2]) > 2 * math.pi else ""
+            fault += ": degrees are written *deg" * (abs(given[2]) > 2 * math.pi)
         if fault:
             self.faults.add(path, f"{fault}{self._note}")
             return [None]

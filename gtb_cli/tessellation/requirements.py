@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 
+import re
 import numpy as np
 
 from gtb_cli.arrays import point_text
@@ -62,8 +63,7 @@ def _leaks(spec: Patch | Model, mesh: Mesh, held: tuple[Mesh, str], is_solid: bo
     """Say where a mesh leaks or, as a solid, looks inwards; else, with its remark, where the held one does."""
     if lines := _open_edges(spec, mesh):
         if is_solid and "is open" in lines[0]:
-            what, *fills = lines[0].partition("; `fills`")
-            lines[0] = "".join((what, "; `thickness` makes a solid of a surface", *fills))
+            lines[0] = re.sub("(?=; `fills`|$)", "; `thickness` makes a solid of a surface", lines[0], count=1)
         return lines
     lines, (stored, remark) = (_inward_faces(mesh) if is_solid else []) or _merged_faces(mesh), held
     if lines or stored is mesh:
