@@ -1,8 +1,8 @@
 """Requirements on a model or its mesh: watertight, solid, in one piece, unfolded, smooth up to an angle."""
 
+import re
 from collections.abc import Sequence
 
-import re
 import numpy as np
 
 from gtb_cli.arrays import point_text
