@@ -130,7 +130,7 @@ def plot(spec: str, format: str | None, solid: Recipe | None, limit: Approach, s
         if solid is not None:
             for name in ("labels", "net", "curvature"):
                 if looks[name]:
-                    raise click.UsageError(f"--{name} is for a curve or surface, and this draws a solid")
+                    raise click.UsageError(f"--{name} is not for a solid: leave --thickness and --radius out")
             shape, remarks = replace(solid, resolution=looks["resolution"] or RESOLUTION, normals=True).mesh(loaded)
             for remark in remarks:
                 streams.console.warn(in_options(remark))

@@ -44,6 +44,8 @@ def read_numbers(table: dict[str, Any], values: Values, given: Let, unknown: Unk
         elif number is None:
             number = values.number(value, ("let", name), FINITE)
         names[name] = 1.0 if number is None else number  # so that its users are not reported as well
+    if "weld" in let and re.findall(NAME_PATTERN, str([*table.values()])).count("weld") == 1:
+        values.faults.add(("let", "weld"), "is used in no expression: the spec's weld stands before [let]")
 
 
 def numbers_in_no_let(table: dict[str, Any]) -> dict[str, Any]:

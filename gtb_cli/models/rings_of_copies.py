@@ -55,7 +55,7 @@ def wrong_rings(patches: Sequence[Patch], weld: float | None) -> list[str]:
             if are_joined([first.replace(control_points=each) for each in points]):
                 cure = f"turned about the {name} axis, they close a ring"
                 if abs(closed - degrees) > SAME_ANGLE:
-                    digits = 4 if abs(closed - degrees) > 0.01 * closed else 7
+                    digits = next(few for few in (4, 6, 10) if f"{closed:.{few}g}" != f"{degrees:.{few}g}")
                     turn = f"{closed:.{digits}g} degrees (360/{len(ring)}) about the {name} axis"
                     cure = f"a turn of {turn}, not {degrees:.{digits}g}, closes the ring"
                 lines.append((cure, f"{first.name} and {len(others)} copies are not joined: {cure}"))

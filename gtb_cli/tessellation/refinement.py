@@ -117,7 +117,8 @@ class _Refinement:
             needed = float((parts.max(axis=0) * (parts.min(axis=0) if len(parts) == 3 else 1.0)).sum())
             # Until a sixteenth of the cells are there, spikes may be taken for what is usual.
             if needed > (2.0 if now < needed / 16 else 1.0) * self.max_cells:
-                fewer = above(self.asked * (2 * needed / self.max_cells) ** (1 if self.mesh.is_surface else 2))
+                soon = min(self.max_cells / 2, 250_000)  # cells that take seconds
+                fewer = above(self.asked * (needed / soon) ** (1 if self.mesh.is_surface else 2))
                 raise ToleranceError(
                     f"tolerance: {self.asked:g} needs about {needed:.1g} {kind}, more than {self.max_cells}, "
                     f"as estimated with {now} of them; {fewer} needs fewer"

@@ -1,5 +1,6 @@
 """Requirements on a model or its mesh: watertight, solid, in one piece, unfolded, smooth up to an angle."""
 
+import re
 from collections.abc import Sequence
 
 import numpy as np
@@ -68,7 +69,8 @@ def require(
 def _leaks(spec: Patch | Model, mesh: Mesh, held: tuple[Mesh, str], is_solid: bool) -> list[str]:
     """Say where a mesh leaks or, as a solid, looks inwards; else, with its remark, where the held one does."""
     if lines := _open_edges(spec, mesh):
-        lines[0] += "; `thickness` makes a solid of a surface" if is_solid and "is open" in lines[0] else ""
+        if is_solid and "is open" in lines[0]:
+            lines[0] = re.sub("(?=; `fills`|$)", "; `thickness` makes a solid of a surface", lines[0], count=1)
         return lines
     lines, (stored, remark) = (_inward_faces(mesh) if is_solid else []) or _merged_faces(mesh), held
     if lines or stored is mesh:
