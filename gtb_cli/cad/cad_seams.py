@@ -1,4 +1,4 @@
-"""Seams of sewn faces, measured in the surfaces of the file: angles between their tangent planes, and gaps."""
+"""Seams of faces that `cad_writing` sewed, in the surfaces of the file: angles between tangent planes, and gaps."""
 
 from collections.abc import Iterable
 from itertools import combinations

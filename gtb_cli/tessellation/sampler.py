@@ -1,4 +1,4 @@
-"""Points and normals of several patches at parameters."""
+"""Points and normals of several patches at parameters (for `-n`: those of `even_triangulation`)."""
 
 from __future__ import annotations
 

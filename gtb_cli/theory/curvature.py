@@ -1,4 +1,4 @@
-"""Gaussian and mean curvature of a surface, with their limits on the boundary.
+"""Gaussian and mean curvature of a surface, with their limits on the boundary; those at corners: `corners`.
 
 Derivatives with respect to the torus coordinates are moments under T: ``∂P = Σ_i T_i b_i (a_i − μ)`` and ``∂²P = Σ_i
 T_i (b_i − P)(a_i − μ)(a_i − μ)ᵀ``. Curvatures do not depend on the coordinates. In the product of ∂²P with the normal,
