@@ -121,7 +121,9 @@ def other_grids(model: Model) -> list[str]:
         knots = surfaces[own[0]].knots
         rows, columns = (round(float(x)) + 1 for x in knots.max(axis=0))
         is_loose = sum(ref[0] == own[0] for ref in model.joints.open) > 2
-        if not is_loose or rows == columns or not np.array_equal(knots, grid_knots(rows, columns)):
+        if not is_loose or rows == columns or rows * columns != len(knots):  # also of knots that are far apart
+            continue
+        if not np.array_equal(knots, grid_knots(rows, columns)):
             continue
         order = np.arange(rows * columns).reshape(rows, columns).T.ravel()
         other, trial = grid_knots(columns, rows), [*surfaces]

@@ -10,7 +10,7 @@ from scipy.spatial.transform import Rotation
 from gtb_cli.bezier.elevation import elevate
 from gtb_cli.errors import DomainError, RequirementError, ToleranceError
 from gtb_cli.models.model import Model
-from gtb_cli.models.openings import near_misses, obstacles, seam_remarks
+from gtb_cli.models.openings import near_misses, obstacles, other_grids, seam_remarks
 from gtb_cli.models.same_edges import find_joints
 from gtb_cli.tessellation.recipe import Recipe
 from gtb_cli.tessellation.tessellate import tessellate
@@ -185,3 +185,8 @@ def test_the_same_curve_at_other_parameters_is_joined():
     other = Model((above, elevate(quarter("below", -1, (1, 0.72, 1)))))
     (reason,) = [line.format("B") for _, _, line in near_misses(other.joints, other.patches)]
     assert reason.startswith("same ends as B, but curves (3 control points against 4) up to 0.0")
+
+
+def test_knots_far_apart_are_no_grid_of_as_many_rows():
+    knots = np.indices((3, 4)).reshape(2, -1).T * 1e9
+    assert other_grids(Model([Patch(knots, np.column_stack([knots, knots[:, 0]]), name="a")])) == []
